@@ -18,14 +18,23 @@ BY_PATH = [f"io/formats/{name}.py" for name in FORMATS]
 READS = {
     "open", "fdopen", "read_text", "read_bytes", "open_code", "FileIO", "mmap", "fromfile", "memmap", "loadtxt",
     "genfromtxt", "load", "loadmat", "imread", "File", "MDF", "UFF", "TdmsFile", "ZipFile", "read_csv", "read_parquet",
-    "read_ipc", "read_ipc_stream", "read_json", "read_ndjson", "read_excel", "read_database", "scan_csv",
+    "read_ipc", "read_ipc_stream", "read_json", "read_ndjson", "read_excel", "read_database", "scan_csv", "read_wav",
     "scan_parquet", "scan_ipc", "scan_ndjson", "copyfile", "copy2", "copytree", "unpack_archive", "extractall",
 }  # fmt: skip
 #: Functions of these names that open no path: the door's own, and methods of what is open.
-OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load", "tyre.load", "load", "self.open"}
+OPENS_NONE = {"read_bytes", "opened.load", "file.load", "self._last.load", "tyre.load", "load", "self.open"}
 OPENS_NONE |= {"archive.open", "system.open", "writer.open", "webbrowser.open"}
 #: What a library is given: bytes, or an open file.
-IN_MEMORY = ("content", "part", "file", "opened.file", "self._file.fileno()", "file.fileno()", "number", "version")
+IN_MEMORY = (
+    "content",
+    "part",
+    "file",
+    "opened.file",
+    "opened.file.fileno()",
+    "file.file.fileno()",
+    "number",
+    "version",
+)
 IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "files.read(", "buffer")
 #: Where a call may stand, and why. A path with a colon names a function of the file.
 MAY = {

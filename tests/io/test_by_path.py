@@ -124,7 +124,6 @@ def test_a_file_that_is_exchanged_before_its_library_opens_it_is_refused(tmp_pat
             other.replace(path)
         return file
 
-    for room in ("tracks", "workbook"):
-        monkeypatch.setattr(f"fourpole.io.formats.{room}.open_regular", exchanged)
+    monkeypatch.setattr("fourpole.io.formats.tracks.open_regular", exchanged)
     with pytest.raises(FileError, match="was replaced while it was read"):
         read(module, path)

@@ -12,7 +12,6 @@ import pytest
 from fourpole.errors import TableError
 from fourpole.io import convert, documents, identity, layout, look, source, stream, stretches
 from fourpole.io.formats import text as of_text
-from fourpole.io.formats import workbook
 from fourpole.io.signals import Signal
 from fourpole.io.tables import columns, forms, responses
 
@@ -125,12 +124,6 @@ EDGES = {
     "columns that agree, 0.2 %": (taken(alike), {1.99e-3: True, 2.02e-3: False}),
     "column that differs, 2 %": (differs, {0.0198: 0, 0.0202: 1}),
     "frequencies of a coherence, 0.1 % of the step": (coherent, {0.99e-3: True, 1.01e-3: False}),
-    "filled cells of a sheet, one in 50 and 200 000 others": (
-        taken(lambda room: workbook._check_rectangle(1000, room, "a", 10**6)), {249_000: True, 251_000: False},
-    ),
-    "cells of a sheet, one in 50": (
-        taken(lambda count: workbook._check_rectangle(count, 200_000, "a", 100_000)), {3990: True, 4010: False},
-    ),
     "levels of a document, 64": (
         taken(lambda n: documents.json_of("[" * n + "]" * n, "a")), {64: True, 66: False},
     ),

@@ -70,7 +70,7 @@ def hurting(noisy, tmp_path, monkeypatch):
 SAYS = {
     "hang": "recordings/D2.h5 took more than 1 s of processor time; allow more with --time-limit",
     "sleep": "recordings/D2.h5 made no progress for 3 s",
-    "abort": "recordings/D2.h5 needs more memory than a file of its kind may, or crashed the library that reads it",
+    "abort": "recordings/D2.h5 needs more memory than a file of its size may, or crashed the library that reads it",
     "crash": "recordings/D2.h5 crashed the library that reads it",
     "bomb": "needs more memory than there is",
 }

@@ -31,6 +31,9 @@ from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
 #: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
 #: take 2 GB (`stream`), and half as much again is for what a library holds beside them.
 SPARE = 3_000_000_000
+#: Memory that a small file may need to be read [byte], of which libraries take up to 220 MB; and additional memory per
+#: byte of it, since packed samples become numbers.
+_SMALL, _UNPACKED = 400_000_000, 100
 #: Processor time that a file may need [s], and the additional time per byte [s/byte].
 SECONDS, _PER_BYTE = 60.0, 1e-6
 #: Time without progress after which a worker is ended [s]. Its progress is looked at once a second, and the looks are
@@ -232,7 +235,7 @@ def _death(code: int | None, took: float, limit: float, patience: float) -> Died
     if code == TOO_MUCH or code == -getattr(signal, "SIGKILL", 9):
         return Died("needed more memory than there is")
     if code == -getattr(signal, "SIGABRT", 6):  # so does a library end that is refused memory
-        return Died("needs more memory than a file of its kind may, or crashed the library that reads it")
+        return Died("needs more memory than a file of its size may, or crashed the library that reads it")
     return Died("crashed the library that reads it")
 
 
@@ -307,7 +310,8 @@ def read_apart(
     if not is_guarded(kind, size):
         return function(path, *args, **told)
     try:
-        answer = answer_of(function, path, *args, size=size, spare=kind.memory, progress=progress)
+        most = size + min(SPARE, _SMALL + _UNPACKED * size)
+        answer = answer_of(function, path, *args, size=size, spare=most, progress=progress)
     except Died as death:
         raise errors.FileError(f"{name_of(path, label)} {death}; {death.remedy}") from None
     return unpack(bytearray(answer), classes)  # arrays on a bytearray can be written

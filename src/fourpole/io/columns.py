@@ -91,13 +91,6 @@ def survey_tables(
         return [Stretch("", layout, above, (rest,))], True, written
 
 
-def count_rows(path: AnyPath, *, max_bytes: int = 4_000_000_000, label: str | None = None) -> int:
-    """Number of lines below the first header of a recording in text, without blank lines at the end."""
-    with _text(path, max_bytes, label) as (source, start, encoding, _):
-        layout, _ = _layout(start, encoding, name_of(path, label))
-        return _row_count(source, start, layout.first_row)
-
-
 def read_columns(
     path: AnyPath,
     names: Sequence[str],

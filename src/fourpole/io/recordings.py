@@ -16,7 +16,7 @@ from fourpole.io.source import name_of
 
 #: The formats whose library opens the file once more, by its path; see `fourpole.io.door.path_for_library`. All others
 #: get the open file, or its bytes.
-BY_PATH = ("parquet", "arrow", "workbook")
+BY_PATH = ("parquet", "arrow", "workbook", "npz", "wav")
 #: Endings of the formats that may state when a recording began.
 _DATED = (".mf4", ".mf3", ".mdf", ".dat", ".raw", ".tdms")
 

@@ -158,23 +158,19 @@ class Format:
         Takes path, label and max_bytes, and returns a FileInfo; samples are not read if the format allows it.
     read : callable
         Takes a Request, and returns one Signal per name, in the order of the request.
-    blocks : callable or None
+    blocks : callable
         Takes a Request and a number of rows, and yields the recording in chunks. A chunk has one Signal per name, in
         the order of the request, with its next samples (at most `rows`), their `start` and `time`. Channels of
         different rates advance together in time; a channel that has ended gives empty signals. All chunks of a channel
-        together equal the result of `read`; the memory needed depends on `rows`, not on the file. None if the format
-        cannot be read in parts.
+        together equal the result of `read`.
     by_library : bool
         Whether a library reads the file, which a damaged file may crash or occupy: such a file is read in a worker
         process.
-    memory : int [byte]
-        Address space that the worker may need for a file and the libraries; 0 for the usual one.
     """
 
     name: str
     endings: tuple[str, ...]
     survey: Callable[[Path, str, int], FileInfo]
     read: Callable[[Request], Sequence[Signal]]
-    blocks: Callable[[Request, int], Iterator[Sequence[Signal]]] | None = None
+    blocks: Callable[[Request, int], Iterator[Sequence[Signal]]]
     by_library: bool = False
-    memory: int = 0

@@ -158,8 +158,6 @@ class ReadOnce:
 def _read(kind: Format, source: StreamSource, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
     """Number of samples of the longest channel (0 if it is one chunk), and the chunks with the times of the file."""
     request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)
-    if kind.blocks is None:
-        return 0, iter([kind.read(request)])
     if source.rows:
         return 0, kind.blocks(request, source.rows)
     count = _count(kind, source, names, least=_SMALL)
@@ -301,8 +299,6 @@ def _chunks(kind: Format, path: Path, found: FileInfo, asked: Sequence[int], lab
     """Chunks of the channels with these indices, with the times of the file."""
     names = tuple(_called(found.signals, one) for one in asked)
     request = Request(path, names, "", label, _MOST_MEMORY)
-    if kind.blocks is None:
-        return iter([kind.read(request)])
     return kind.blocks(request, max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1)))
 
 

@@ -9,7 +9,7 @@ read it happens here: a crash ends this process alone, memory and time are limit
   (RLIMIT_CPU), on Windows by a thread that looks at it.
 - A worker that makes no progress ends: on Linux the parent sees that it takes no processor time; elsewhere the watch of
   `faulthandler`, a thread of C, ends the process unless the thread that looks sees progress.
-- Memory is limited by the system on Linux (RLIMIT_AS); elsewhere the same thread looks at the memory in use.
+- Memory is limited by the system on Linux (RLIMIT_DATA); elsewhere the same thread looks at the memory in use.
 - When the parent ends, standard input ends, and so does the worker.
 """
 
@@ -148,7 +148,7 @@ def _first_to_go() -> None:
 
 
 class _Limits:
-    """The limits of this process: memory above what it needs without any file, processor time, and standing still."""
+    """The limits of this process: memory above what it had before, processor time, and standing still."""
 
     def __init__(self) -> None:
         self.by_thread = not sys.platform.startswith("linux")
@@ -156,7 +156,6 @@ class _Limits:
         self._patience = _IDLE
         self._most: int | None = None
         self._latest: float | None = None
-        self._own = 0
         if resource is not None:  # a process that is ended for its time leaves no image of its memory
             resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
         if self.by_thread:
@@ -168,17 +167,15 @@ class _Limits:
         faulthandler.dump_traceback_later(patience, exit=True, file=self._nowhere)
 
     def allow(self, seconds: float | None, spare: int | None) -> None:
-        """Allow this much processor time [s] from now on, and memory [byte] beyond that of the interpreter, or any."""
+        """Allow this much processor time [s] from now on, and memory [byte] beyond what it has, or any."""
         latest = None if seconds is None else time.process_time() + seconds
         if resource is not None:
             _limit(resource.RLIMIT_CPU, None if latest is None else math.ceil(latest))
         if self.by_thread:
-            self._own = self._own or memory_in_use()
-            self._most = None if spare is None else self._own + spare
+            self._most = None if spare is None else memory_in_use() + spare
             self._latest = latest
         else:
-            self._own = self._own or _address_space()
-            _limit(resource.RLIMIT_AS, None if spare is None else self._own + spare)
+            _limit(resource.RLIMIT_DATA, None if spare is None else _data() + spare)
 
     def _look(self) -> None:
         seen = 0.0
@@ -204,9 +201,9 @@ def _limit(kind: int, most: int | None) -> None:
         resource.setrlimit(kind, (hard if most is None else most if unlimited else min(most, hard), hard))
 
 
-def _address_space() -> int:
-    """Address space of this process on Linux [byte]."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+def _data() -> int:
+    """Memory of this process on Linux that it may write [byte], without the libraries, which are on the disk."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 

@@ -71,7 +71,7 @@ def test_columns_come_back_with_units_and_time(tmp_path: Path, write: Callable[.
     force = found["F1 [N]"]
     assert (force.unit, force.count, force.note) == ("N", N, "time from time [ms]")
     assert (force.start, force.duration) == (0.0, pytest.approx((N - 1) * 5e-4))
-    assert found["who"].note == "no numbers"
+    assert found["who"].note == "holds no numbers"
     one, count, gaps = read(path, "f1", "n", "gaps")
     np.testing.assert_array_equal(one.samples, FORCE)
     np.testing.assert_array_equal(count.samples, np.arange(N))
@@ -79,7 +79,7 @@ def test_columns_come_back_with_units_and_time(tmp_path: Path, write: Callable[.
     np.testing.assert_allclose(one.time, np.arange(N) * 5e-4, rtol=1e-14)
     chunks = list(FORMAT.blocks(Request(path, ("F1",), "", "a", LIMIT), 700))
     np.testing.assert_array_equal(np.concatenate([chunk[0].samples for chunk in chunks]), FORCE)
-    with pytest.raises(TableError, match="column 'who' holds no numbers"):
+    with pytest.raises(TableError, match="channel 'who' holds no numbers"):
         read(path, "who")
 
 

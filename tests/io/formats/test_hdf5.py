@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fourpole.errors import FileError, TableError
+from fourpole.errors import TableError
 from fourpole.io import child as children
 from fourpole.io.formats.hdf5 import FORMAT
 from fourpole.io.known import BEGINS
@@ -122,9 +122,7 @@ def test_what_is_declared_and_not_there_is_not_made(tmp_path: Path) -> None:
         file.create_dataset("chunk", shape=(10**6,), maxshape=(None,), dtype="f8", chunks=(10**8,))
         file["few"] = np.empty(0)
     FORMAT.survey(tmp_path / "a.h5", "a.h5", LIMIT)
-    with pytest.raises(FileError, match=r"needs .* more than"):
-        FORMAT.read(asked(tmp_path / "a.h5", "huge"))
-    for name in ("empty", "chunk"):
+    for name in ("huge", "empty", "chunk"):
         with pytest.raises(TableError, match="holds none"):
             FORMAT.read(asked(tmp_path / "a.h5", name))
     (few,) = FORMAT.read(asked(tmp_path / "a.h5", "few"))

@@ -57,7 +57,7 @@ def test_columns_come_back_with_units_and_time(tmp_path: Path, compression: str)
     force = found["F1 [N]"]
     assert (force.unit, force.count, force.rate, force.note) == ("N", N, None, "time from time [ms]")
     assert (force.start, force.duration) == (0.0, pytest.approx((N - 1) * 5e-4))
-    assert found["who"].note == "no numbers"
+    assert found["who"].note == "holds no numbers"
     one, two, count, even, gaps = read(path, "f1", "F2", "n", "ok", "gaps")
     np.testing.assert_array_equal(one.samples, FORCE)
     np.testing.assert_array_equal(two.samples, FORCE.astype("f4"))
@@ -68,7 +68,7 @@ def test_columns_come_back_with_units_and_time(tmp_path: Path, compression: str)
     np.testing.assert_allclose(one.time, np.arange(N) * 5e-4, rtol=1e-14)
     (time,) = read(path, "time")
     assert (time.unit, time.time) == ("ms", None)
-    with pytest.raises(TableError, match="column 'who' holds no numbers"):
+    with pytest.raises(TableError, match="channel 'who' holds no numbers"):
         read(path, "who")
 
 

@@ -143,7 +143,7 @@ def test_a_model_is_kept_as_written(tmp_path: Path) -> None:
     write_tydex(tmp_path / "again.tdx", tyre)
     again = read_tydex(tmp_path / "again.tdx")
     assert (again.parameters, again.models) == (tyre.parameters, tyre.models)
-    with pytest.raises(TableError, match=r"run\.tdx: has no measured data"):
+    with pytest.raises(TableError, match=r"run\.tdx: there is no channel 'FZW'; it has none"):
         FORMAT.read(asked(tmp_path / "run.tdx", "FZW"))
 
 
@@ -235,8 +235,8 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path: Path, change: dict, me
     ("content", "message"),
     [
         ("", "is empty"),
-        ("t,F1\n0,1\n", "is no TYDEX file"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00**HEADER", "is binary"),
+        ("t,F1\n0,1\n", "is not a TYDEX file"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00**HEADER", "is not a TYDEX file"),
         (RIG.replace("1000.5", "10x0.5"), r"row 22: '10x0\.5' is no number"),
         (RIG.replace("1000.5", "1_0"), "'1_0' is no number"),
         (RIG[: RIG.index("1000.5")], r"row 22: ends after 1 of 3 values; the file is cut off"),
@@ -247,8 +247,7 @@ def test_what_the_format_cannot_hold_is_refused(tmp_path: Path, change: dict, me
         (RIG.replace("**END", "**MEASURCHANNELS\nFX\n**END"), "channel below the measured data"),
         (RIG.replace("0         100", "0         1.0.0"), "line 18: channel 'FZW' has '1.0.0'"),
         (RIG.replace("     2         0 ", "     0         0 "), "the factor 0"),
-        (RIG.replace("DSTGRWHC", "FZW     "), "ambiguous.*'FZW.1'"),
-        (RIG.replace("DEMO", "x" * 1_100_000), "more than 1000000 characters"),
+        (RIG.replace("DSTGRWHC", "FZW     "), "no channel 'FZW'; did you mean 'FZW.2'"),
         (RIG[:60] + "\x00" + RIG[60:], "is binary"),
         (RIG.replace("1000.5", "1000\x00"), "is binary"),
     ],
@@ -281,7 +280,7 @@ def test_limits_groups_and_missing_channels(tmp_path: Path) -> None:
     with pytest.raises(TableError, match="has no groups"):
         FORMAT.read(asked(path, "FZW", group="1"))
     with pytest.raises(FileError, match="more than the"):
-        FORMAT.read(asked(path, "FZW", max_bytes=100))
+        FORMAT.read(asked(path, "FZW", max_bytes=10))
 
 
 def test_it_is_known_by_its_content() -> None:

@@ -114,7 +114,7 @@ def test_other_functions_are_no_recordings(tmp_path: Path) -> None:
 def test_memory_is_asked_for_before_it_is_used(tmp_path: Path) -> None:
     path = written(tmp_path / "a.uff", signal(FORCE, 2048.0))
     with pytest.raises(FileError, match=r"needs .* more than the"):
-        FORMAT.read(asked(path, "12-Z", most=100_000))
+        FORMAT.read(asked(path, "12-Z", most=40_000))
 
 
 @pytest.mark.parametrize("binary", [0, 1])
@@ -134,7 +134,7 @@ def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, binary: int, capfd
     ]
     for content in wrong:
         (tmp_path / "b.uff").write_bytes(content)
-        with pytest.raises(TableError, match=r"^b\.uff: "):
+        with pytest.raises((TableError, FileError), match=r"^b\.uff: "):
             FORMAT.read(asked(tmp_path / "b.uff", "12-Z"))
     assert capfd.readouterr() == ("", "")
 
@@ -145,7 +145,6 @@ def test_sets_without_signals_are_named(tmp_path: Path) -> None:
     units = "    -1\n   164\n         1  SI\n    -1\n"
     path = tmp_path / "a.unv"
     path.write_text(units + nodes + nodes + modes + "    -1\n  9999\nx\n    -1\n")
-    said = r"holds no function \(data set 58\), only its units \(data set 164\), nodes \(data set 15\), mode shapes"
-    with pytest.raises(TableError, match=said) as error:
+    said = r"holds no function \(data set 58\), only data sets 164, 15, 55, 9999; export the time signals too"
+    with pytest.raises(TableError, match=said):
         FORMAT.survey(path, "a.unv", 10**8)
-    assert "data (data set 9999)" in str(error.value)

@@ -13,8 +13,8 @@ import struct
 from typing import BinaryIO
 
 from fourpole.errors import TableError
-from fourpole.io.formats.columnar import Columns, arrow_schema, caught, stated_units
-from fourpole.io.formats.tracks import OpenFile, track_format
+from fourpole.io.formats.columnar import arrow_schema, caught, columns, stated_units
+from fourpole.io.formats.tracks import Content, OpenFile, track_format
 from fourpole.io.known import LONGEST_SCHEMA
 
 _KIND = "an Arrow file"
@@ -29,7 +29,7 @@ def _schema(file: BinaryIO, at: int) -> bytes:
     return head + file.read(length) if length <= LONGEST_SCHEMA else b""
 
 
-def _columns(opened: OpenFile) -> Columns:
+def _columns(opened: OpenFile) -> Content:
     """The columns of an open file."""
     import polars as pl
 
@@ -46,7 +46,7 @@ def _columns(opened: OpenFile) -> Columns:
         scan = pl.scan_ipc(glob.escape(str(opened.path)), hive_partitioning=False)
     else:
         scan = caught(pl.read_ipc_stream, opened.path).lazy()
-    return Columns(scan, opened, "Arrow" if is_file else "Arrow stream", notes, stated_units(notes) | units)
+    return columns(scan, opened, "Arrow" if is_file else "Arrow stream", notes, stated_units(notes) | units)
 
 
-FORMAT = track_format("arrow", "Arrow", (".arrow", ".feather", ".ipc", ".arrows"), _KIND, _columns, by_library=True)
+FORMAT = track_format("arrow", "Arrow", (".arrow", ".feather", ".ipc", ".arrows"), _KIND, _columns)

@@ -15,21 +15,22 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import RATES, STEPS, UNITS, find, is_time, of_name, tidy, time_scale
-from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, times_by
+from fourpole.io.signals import Request
 from fourpole.units import shown
 
 _TICKS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
+#: Rows among which the first point in time is sought.
+_TO_FIRST = 1 << 20
 
 
 # --- units ---
@@ -141,16 +142,56 @@ def caught(ask: Callable[..., Any], *arguments: Any, **more: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class _Column:
-    name: str
-    unit: str | None
-    kind: str
-    """numbers, moments (timestamps), durations or other."""
-    ticks: float
-    """Units of a stored moment or duration per second."""
+class _Columns(Content):
+    """The columns of an open file; those of a request are read together, which takes less time than one by one."""
+
+    scan: Any = None
+    name: str = ""
+    clock: Track | None = None
+
+    def asked(self, request: Request) -> list[Track]:
+        """The columns of a request, and their times."""
+        found = super().asked(request)
+        clock = self.clock if any(one.time for one in found) else None
+        names = {one.name for one in (*found, *([clock] if clock else []))}
+        read = _together(self.scan, names, self.name)
+        time = None if clock is None else times_by(replace(clock, samples=read(clock.name)), self.name)
+        return [replace(one, samples=read(one.name), time=time if one.time else None) for one in found]
 
 
-class Columns(Content):
+def _together(scan: Any, names: set[str], name: str) -> Callable[[str], Part]:
+    """The function that gives the one which reads a part of a column, of some that are read together."""
+    import polars as pl
+
+    schema = caught(scan.collect_schema)
+    kinds = [pl.col(one).cast(pl.Int64 if schema[one].is_temporal() else pl.Float64) for one in schema if one in names]
+    table: Any = remembered(lambda first, last: caught(scan.select(kinds).slice(first, last - first).collect))
+    firsts: dict[str, int] = {}
+
+    def read(column: str) -> Part:
+        def part(first: int, last: int) -> NDArray[np.float64]:
+            if first == last:
+                return np.empty(0)
+            cells, kind = table(first, last)[column], schema[column]
+            if len(cells) != last - first:
+                what = f"column {shown(column)} has {first + len(cells)} of {last} values"
+                raise TableError(f"{name}: is cut short: {what}; copy or export it again")
+            if not kind.is_temporal():
+                return np.array(cells.fill_null(np.nan).to_numpy(), dtype=np.float64)
+            if isinstance(kind, pl.Datetime) and column not in firsts:
+                known = caught(scan.select(pl.col(column).cast(pl.Int64)).slice(0, _TO_FIRST).collect)[
+                    column
+                ].drop_nulls()
+                firsts[column] = int(known[0]) if len(known) else 0
+            since = (cells - firsts.get(column, 0)).cast(pl.Float64).fill_null(np.nan)
+            return np.asarray(since.to_numpy() / _TICKS[kind.time_unit])
+
+        return part
+
+    return read
+
+
+def columns(scan: Any, opened: OpenFile, form: str, notes: dict[str, str], units: dict[str, str]) -> Content:
     """The columns of an open file.
 
     Parameters
@@ -158,138 +199,41 @@ class Columns(Content):
     scan : polars.LazyFrame
         The table.
     opened : OpenFile
-    format_ : str
+    form : str
         Name of the format.
     notes : dict of str to str
         Metadata of the table.
     units : dict of str to str
         Units by column.
     """
+    import polars as pl
 
-    sample_bytes = 24
+    schema, rows = caught(scan.collect_schema), int(caught(scan.select(pl.len()).collect).item())
+    numbered = scan.with_row_index("fourpole").select(pl.col("fourpole").max())
+    last = caught(numbered.collect, engine="streaming").item()
+    if rows != (0 if last is None else last + 1):
+        what = f"declares {rows} rows and has {0 if last is None else last + 1}"
+        raise TableError(f"{opened.name}: is damaged: {what}; copy or export it again")
+    moments = [one for one, kind in schema.items() if isinstance(kind, pl.Datetime | pl.Duration)]
+    numbers = [one for one, kind in schema.items() if kind.is_numeric() or kind == pl.Boolean]
+    clocks = moments or [one for one in numbers if is_time(one)]
+    clock = clocks[0] if len(clocks) == 1 else None
 
-    def __init__(self, scan: Any, opened: OpenFile, format_: str, notes: dict[str, str], units: dict[str, str]) -> None:
-        import polars as pl
+    def track(one: str) -> Track:
+        unit = "s" if one in moments else of_name(one, units.get(one))
+        barred = "" if one in moments or one in numbers else "holds no numbers"
+        return Track(one, unit, rows, _together(scan, {one}, opened.name)(one), barred=barred)
 
-        super().__init__(opened)
-        self._pl = pl
-        self._scan, self._format, self._notes = scan, format_, notes
-        self._columns = [self._column(one, kind, units) for one, kind in caught(self._scan.collect_schema).items()]
-        self.places = [("", one.name) for one in self._columns]
-        times = [one for one in self._columns if one.kind in ("moments", "durations")]
-        times = times or [one for one in self._columns if one.kind == "numbers" and is_time(one.name)]
-        self._time = times[0] if len(times) == 1 else None
-        self._firsts: dict[str, int] = {}
-        self._whole: dict[str, Any] = {}
-
-    @cached_property
-    def rows(self) -> int:
-        """Number of rows that the file declares, or that it has if it has been read whole."""
-        return int(caught(self._scan.select(self._pl.len()).collect).item())
-
-    def _column(self, name: str, kind: Any, units: dict[str, str]) -> _Column:
-        pl = self._pl
-        if isinstance(kind, pl.Datetime | pl.Duration):
-            return _Column(
-                name, "s", "moments" if isinstance(kind, pl.Datetime) else "durations", _TICKS[kind.time_unit]
-            )
-        numeric = kind.is_numeric() or kind == pl.Boolean
-        return _Column(name, of_name(name, units.get(name)), "numbers" if numeric else "other", 1.0)
-
-    def _part(self, one: _Column, first: int, last: int) -> NDArray[np.float64]:
-        """Values of a column from row `first` up to `last`; a missing value is not-a-number."""
-        if one.kind == "numbers":
-            return self._taken(one, first, last, self._pl.Float64).fill_null(np.nan).to_numpy().astype(np.float64)
-        cells = self._taken(one, first, last, self._pl.Int64)
-        zero = self._first(one) if one.kind == "moments" else 0
-        return (cells - zero).cast(self._pl.Float64).fill_null(np.nan).to_numpy() / one.ticks
-
-    def _first(self, one: _Column) -> int:
-        if one.name not in self._firsts:
-            known = self._taken(one, 0, min(self.rows, 1 << 20), self._pl.Int64).drop_nulls()
-            self._firsts[one.name] = int(known[0]) if len(known) else 0
-        return self._firsts[one.name]
-
-    def _taken(self, one: _Column, first: int, last: int, kind: Any) -> Any:
-        if (first, last) == (0, self.rows) and one.name in self._whole:
-            cells = self._whole.pop(one.name)
+    timer = None if clock is None else track(clock)
+    time, rate = (None, _rate(notes)) if timer is None else (times_by(timer, opened.name), None)
+    tracks = []
+    for one in map(track, schema):
+        note = "seconds from the first" if isinstance(schema[one.name], pl.Datetime) else ""
+        if one.barred or one.name == clock:
+            tracks.append(replace(one, note=note))
         else:
-            asked = self._scan.select(self._pl.col(one.name).cast(kind)).slice(first, last - first)
-            cells = caught(asked.collect).to_series()
-        if len(cells) != last - first:
-            what = f"column {shown(one.name)} has {first + len(cells)} of {self.rows} values"
-            raise TableError(f"{self._name}: is cut short: {what}; copy or export it again")
-        return cells
-
-    def _take_whole(self, columns: Iterable[_Column]) -> None:
-        """Read columns together, which takes less time than one after the other, or than asking for the rows first."""
-        pl = self._pl
-        kinds = [pl.col(one.name).cast(pl.Float64 if one.kind == "numbers" else pl.Int64) for one in columns]
-        table = caught(self._scan.select(kinds).collect)
-        self.rows = table.height
-        self._whole = table.to_dict()
-
-    def _check_rows(self) -> None:
-        """TableError if the groups of rows have another number of rows than the file declares."""
-        pl = self._pl
-        numbered = self._scan.with_row_index("fourpole").select(pl.col("fourpole").max())
-        last = caught(numbered.collect, engine="streaming").item()
-        there = 0 if last is None else int(last) + 1
-        if there != self.rows:
-            raise TableError(
-                f"{self._name}: is damaged: declares {self.rows} rows and has {there}; copy or export it again"
-            )
-
-    @cached_property
-    def _seconds(self) -> Part | None:
-        """The function that reads times of all channels [s]; None if no column states them."""
-        time = self._time
-        if time is None:
-            return None
-        scale = time_scale(time.unit, time.name, self._name)
-        return remembered(lambda first, last: scale * self._part(time, first, last))
-
-    def track(self, index: int) -> Track:
-        """A column as a channel."""
-        one, time = self._columns[index], self._seconds
-
-        def samples(first: int, last: int) -> NDArray[np.float64]:
-            return self._part(one, first, last) if last > first else np.empty(0)
-
-        if one == self._time:
-            return Track(one.name, one.unit, self.rows, samples)
-        rate = _rate(self._notes) if time is None else None
-        return Track(one.name, one.unit, self.rows, samples, rate, 0.0, time)
-
-    def info(self) -> FileInfo:
-        """The description of the file and its columns."""
-        rows, time, ends = self.rows, self._seconds, None
-        if time is not None and rows:
-            first, last = float(time(0, 1)[0]), float(time(rows - 1, rows)[0])
-            ends = (first, last) if np.isfinite((first, last)).all() else None
-        signals = tuple(self._info(one, ends) for one in self._columns)
-        hidden = ("ARROW:schema", "pandas", "PANDAS_ATTRS")
-        notes = [f"{tidy(key, 60)}: {tidy(value)}" for key, value in self._notes.items() if key not in hidden]
-        return FileInfo(self._format, signals, tuple(notes[:20]))
-
-    def _info(self, one: _Column, ends: tuple[float, float] | None) -> SignalInfo:
-        name, unit, rows = one.name, one.unit, self.rows
-        if one.kind == "other":
-            return SignalInfo.timed(name, unit, "", rows, note="no numbers")
-        if self._time is None or one == self._time:
-            rate = _rate(self._notes) if self._time is None else None
-            note = "seconds from the first" if one.kind == "moments" else ""
-            return SignalInfo.timed(name, unit, "", rows, rate=rate, note=note)
-        return SignalInfo.timed(name, unit, "", rows, ends=ends, note=f"time from {tidy(self._time.name)}")
-
-    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
-        """The channels of a request; if `whole`, they are read together."""
-        chosen = [self._columns[at] for at in find(self.places, request)]
-        for one in chosen:
-            if one.kind == "other":
-                raise TableError(f"{self._name}: column {shown(one.name)} holds no numbers; name another column")
-        if whole:
-            self._take_whole(dict.fromkeys([*chosen, *([self._time] if self._time else [])]))
-        else:
-            self._check_rows()
-        return super().tracks(request, whole=whole)
+            note = note if time is None else f"time from {tidy(clock)}"
+            tracks.append(replace(one, rate=rate, time=time, note=note))
+    hidden = ("ARROW:schema", "pandas", "PANDAS_ATTRS")
+    said = [f"{tidy(key, 60)}: {tidy(value)}" for key, value in notes.items() if key not in hidden]
+    return _Columns(form, tracks, said[:20], sample_bytes=24, scan=scan, name=opened.name, clock=timer)

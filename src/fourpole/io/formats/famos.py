@@ -24,14 +24,10 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import of_name, seconds, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
-from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an imc FAMOS file"
 _LONGEST_KEY = 40
-_LONGEST_CONTENT = 1 << 20
-_MOST_KEYS = 1_000_000
-_MOST_TEXT = 256_000_000
 _TYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8", 11: "u2", 12: "u8", 14: "i8"}
 _SIX_BYTES = 13
 _AT_ONCE = 1 << 20
@@ -122,30 +118,23 @@ def _texts(content: bytes, skipped: int, count: int) -> list[bytes]:
     return found
 
 
-class _Content(Content):
+class _Keys:
     """The channels of an open file, from one pass through its keys."""
 
     def __init__(self, opened: OpenFile) -> None:
-        file, name = opened.file, opened.name
-        super().__init__(opened)
-        self._end = os.fstat(file.fileno()).st_size
+        self._file, self._name = opened.file, opened.name
+        self._end = os.fstat(self._file.fileno()).st_size
         self._set = _Set()
         self._sets: list[_Set] = []
         self._groups: dict[int, str] = {}
         self._page = "cp1252"
-        self._text = 0
         self._samples: dict[int, tuple[int, int]] = {}
         """Place and size of each block of samples [byte], by its number."""
         self._order = "<"
         self._notes: list[str] = []
-        at = count = 0
+        at = 0
         while at < self._end:
             at = self._key(at)
-            count += 1
-            if count > _MOST_KEYS:
-                raise TableError(f"{name}: has more than {_MOST_KEYS} keys; split it")
-        self.channels = self._channels()
-        self.places = [(one.group, one.name) for one in self.channels]
 
     def _key(self, at: int) -> int:
         """Read the key at byte `at`; returns where the next key begins."""
@@ -166,10 +155,7 @@ class _Content(Content):
         if kind == b"CS":
             index, comma, _ = self._file.read(min(length, _LONGEST_KEY)).partition(b",")
             self._samples[int(index)] = begin + len(index) + len(comma), length - len(index) - len(comma)
-        elif length <= _LONGEST_CONTENT:
-            self._text += length
-            if self._text > _MOST_TEXT:
-                raise TableError(f"{self._name}: has more text than can be kept; split it")
+        else:
             self._take(kind, version, self._file.read(length))
         self._file.seek(begin + length)
         if self._file.read(1) != b";":
@@ -252,51 +238,36 @@ class _Content(Content):
                     found.append(_Channel(called, self._groups.get(group, ""), bit, tidy(comment), values, owner))
         return _since_zero(found)
 
-    def info(self) -> FileInfo:
-        triggers = [one.owner.trigger for one in self.channels]
+    def content(self) -> Content:
+        """The channels of the file."""
+        channels = self._channels()
+        triggers = [one.owner.trigger for one in channels]
         began = min((one for one in triggers if one is not None and one.year > 1980), default=None)
         notes = [f"recorded {began.replace(tzinfo=None).isoformat()}"] if began else []
-        return FileInfo(
-            "imc FAMOS 2",
-            tuple(map(self._info, range(len(self.channels)))),
-            (*notes, *self._notes[:20]),
-            began.timestamp() if began else None,
-        )
+        notes += self._notes[:20]
+        return Content("imc FAMOS 2", [*map(self._track, channels)], notes, began.timestamp() if began else None)
 
-    def _info(self, index: int) -> SignalInfo:
-        one = self.channels[index]
-        count, (rate, start), ends = one.values.count, _timing(one), None
-        if not rate and one.abscissa is not None and count and not one.values.barred:
-            time = self.track(index).time
-            ends = None if time is None else (float(time(0, 1)[0]), float(time(count - 1, count)[0]))
-        note = one.values.barred or one.note
-        return SignalInfo.timed(one.name, _unit(one), one.group, count, rate=rate, start=start, ends=ends, note=note)
-
-    def track(self, index: int) -> Track:
-        one = self.channels[index]
-        values = one.values
-        if values.barred:
-            raise TableError(f"{self._name}: channel {shown(one.name)} {values.barred}")
-        rate, start = _timing(one)
-        time = None
+    def _track(self, one: _Channel) -> Track:
+        values, (rate, start), time = one.values, _timing(one), None
+        samples, barred = self._part(values, one.name, one.bit), values.barred
         if one.abscissa is not None:
             scale, times = seconds(one.abscissa.unit) or 1.0, self._part(one.abscissa, one.name, 0)
             time = remembered(lambda first, last: scale * times(first, last) + start)
             if one.abscissa.barred or one.abscissa.count != values.count:
-                raise TableError(
-                    f"{self._name}: channel {shown(one.name)} has not as many times as values; save it again"
-                )
-        samples = self._part(values, one.name, one.bit)
-        return Track(one.name, _unit(one), values.count, samples, rate, start if rate else 0.0, time)
+                barred = barred or "has not as many times as values; save it again"
+        note = "" if barred else one.note
+        return Track(
+            one.name, _unit(one), values.count, samples, rate, start if rate else 0.0, time, one.group, note, barred
+        )
 
     def _part(self, one: _Component, name: str, bit: int) -> Part:
         """The function that reads a part of the samples of a component."""
         place, held = self._samples.get(one.index, (0, 0))
-        if one.begin < 0 or one.size < 0 or one.begin + one.size > held:
-            what = f"declares {one.size} bytes from byte {one.begin} on, of {held}"
-            raise TableError(f"{self._name}: is cut short: channel {shown(name)} {what}; copy it again")
 
         def part(first: int, last: int) -> NDArray[np.float64]:
+            if one.begin < 0 or one.size < 0 or one.begin + one.size > held:
+                what = f"declares {one.size} bytes from byte {one.begin} on, of {held}"
+                raise TableError(f"{self._name}: is cut short: channel {shown(name)} {what}; copy it again")
             values = np.empty(last - first)
             for at in range(first, last, _AT_ONCE):
                 end = min(at + _AT_ONCE, last)
@@ -347,4 +318,4 @@ def _timing(one: _Channel) -> tuple[float | None, float]:
     return (float(f"{1 / step:.15g}"), start) if np.isfinite(start) and 1e-12 < step < 1e12 else (None, one.since)
 
 
-FORMAT = track_format("famos", "imc FAMOS", (".dat", ".raw"), _KIND, _Content)
+FORMAT = track_format("famos", "imc FAMOS", (".dat", ".raw"), _KIND, lambda opened: _Keys(opened).content())

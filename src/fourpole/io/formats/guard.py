@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,8 @@ _TIME = re.compile(
 )
 
 
-class Guard:
+@contextmanager
+def guard(name: str, kind: str) -> Iterator[None]:
     """A context in which any exception becomes a TableError that says what to do, and numpy does not warn.
 
     Parameters
@@ -41,45 +41,32 @@ class Guard:
     kind : str
         The kind of file that is expected, such as "an NI TDMS file".
     """
-
-    def __init__(self, name: str, kind: str) -> None:
-        self._name, self._kind = name, kind
-        self._quiet = ExitStack()
-
-    def __enter__(self) -> Self:
-        self._quiet.enter_context(np.errstate(all="ignore"))
-        return self
-
-    def load(self, module: str) -> Any:
-        """The module of a library that the base installation lacks; FileError if it is not installed."""
-        return need(module, self._name, self._kind)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._quiet.close()
-        if error is None or isinstance(error, FourpoleError) or not isinstance(error, Exception):
-            return
-        if isinstance(error, MemoryError):
-            raise FileError(
-                f"{self._name}: needs more memory than there is, or declares more than it holds; read fewer of its "
-                "channels, or export it again"
-            ) from None
-        what = f"cannot be read as {self._kind}{_detail(error)}"
-        raise TableError(f"{self._name}: {what}; it may be cut short or damaged: copy or export it again") from None
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except FourpoleError:
+        raise
+    except MemoryError:
+        raise FileError(
+            f"{name}: needs more memory than there is, or declares more than it holds; read fewer of its "
+            "channels, or export it again"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - whatever a damaged file makes a library raise
+        what = f"cannot be read as {kind}{_detail(error)}"
+        raise TableError(f"{name}: {what}; it may be cut short or damaged: copy or export it again") from None
 
 
-def guarded(items: Generator[Item], guard: Guard) -> Iterator[Item]:
+def guarded(items: Generator[Item], name: str, kind: str) -> Iterator[Item]:
     """The items of a generator; the guard is entered while an item is made, and left while the caller uses it."""
     try:
         while True:
-            with guard:
+            with guard(name, kind):
                 item = next(items, None)
             if item is None:
                 return
             yield item
     finally:
-        with guard:
+        with guard(name, kind):
             items.close()
 
 
@@ -96,7 +83,7 @@ def need(module: str, name: str, kind: str) -> Any:
 
 def _detail(error: Exception) -> str:
     """The first line of a library's message in brackets; empty if it has none. Further lines name places on disk."""
-    text = str(error).strip().partition("\n")[0]
+    text = str(error).strip().partition("\n")[0].rpartition("error: ")[2]
     return f" ({shown(text, 120)[1:-1]})" if text else ""
 
 

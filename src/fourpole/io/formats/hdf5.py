@@ -21,32 +21,28 @@ and so are filters that are not part of HDF5 itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import RATES, STEPS, UNITS, afford, find, is_time, of_name, tidy, time_scale
-from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, refused, times_by, track_format
 from fourpole.units import shown
 
-_KIND = "an HDF5 file"
-_LIBRARY = "h5py"
 _STARTS = ("start", "t0", "offset", "start_offset")
 _NOTES = ("note", "comment", "description", "title", "long_name")
+_KNOWN = (*UNITS, *RATES, *STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty")
 _MOST_OBJECTS = 100_000
-_DEEPEST = 32
-_MOST_HOPS = 8
 _FILTERS = frozenset({1, 2, 3, 4, 5, 6, 32000})
-_LONGEST_TEXT = 4096
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A dataset of a file, or a link that cannot be followed."""
+    """A dataset of a file, or a link that cannot be followed; it is called by its name and those of its groups."""
 
     group: str
     name: str
@@ -57,267 +53,159 @@ class Leaf:
     """The attributes of its group."""
 
     @property
-    def path(self) -> str:
-        """The name of the dataset with those of its groups."""
-        return f"{self.group}/{self.name}" if self.group else self.name
+    def is_row(self) -> bool:
+        """Whether it has one row of numbers."""
+        shape = () if self.barred else self.dataset.shape
+        return len(shape) > 0 and sum(length != 1 for length in shape) <= 1
+
+    @property
+    def closed(self) -> Track:
+        """What is said to those who name it, if it cannot be read."""
+        return Track(self.name, None, 0, _nothing, group=self.group, barred=self.barred)
+
+
+def _nothing(*_: int) -> NDArray[np.float64]:
+    return np.empty(0)
 
 
 def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
     """The datasets of a file, each of them once; no link out of the file is followed."""
     found: list[Leaf] = []
-    seen = {h5py.h5o.get_info(root.id).addr}
+    seen = set()
     waiting: list[tuple[str, Any]] = [("", root)]
-    count = 0
-    while waiting:
-        path, group = waiting.pop(0)
-        inherited = attributes(h5py, group)
+    for path, group in waiting:
+        address = h5py.h5o.get_info(group.id).addr
+        if address in seen:
+            continue
+        seen.add(address)
+        inherited = attributes(group)
         for key in group:
-            count += 1
-            if count > _MOST_OBJECTS:
-                raise TableError(f"{name}: has more than {_MOST_OBJECTS} objects; split it")
-            thing, barred = _resolved(h5py, root, group, key)
-            if barred:
-                found.append(Leaf(path, key, None, barred, inherited))
-            elif isinstance(thing, h5py.Dataset):
-                found.append(Leaf(path, key, thing, _barred(h5py, thing), inherited))
-            elif isinstance(thing, h5py.Group) and (address := h5py.h5o.get_info(thing.id).addr) not in seen:
-                seen.add(address)
-                below = f"{path}/{key}" if path else key
-                if below.count("/") >= _DEEPEST:
-                    raise TableError(f"{name}: has groups more than {_DEEPEST} deep; this is no recording")
-                waiting.append((below, thing))
+            thing, barred = None, "cannot be opened: it is damaged, or a link that leads nowhere"
+            if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
+                barred = "leads to another file, which is not followed; copy the samples into this one"
+            else:
+                with suppress(KeyError, OSError, RuntimeError, TypeError, ValueError):
+                    thing = group[key]
+            if isinstance(thing, h5py.Group):
+                waiting.append((f"{path}/{key}".lstrip("/"), thing))
+            elif thing is None or isinstance(thing, h5py.Dataset):
+                found.append(Leaf(path, key, thing, barred if thing is None else why_barred(h5py, thing), inherited))
+        if len(found) + len(waiting) > _MOST_OBJECTS:
+            raise TableError(f"{name}: has more than {_MOST_OBJECTS} objects; split it")
     return found
 
 
-def leaf_of(h5py: Any, dataset: Any) -> Leaf:
-    """The leaf of a dataset that a reference, not a name, leads to."""
-    return Leaf("", "", dataset, _barred(h5py, dataset), {})
-
-
-def _resolved(h5py: Any, root: Any, group: Any, key: str, hops: int = 0) -> tuple[Any, str]:
-    """The object that a name leads to, and the reason why it is not opened (empty if it is)."""
-    try:
-        link = group.get(key, getlink=True)
-        if isinstance(link, h5py.HardLink):
-            return group[key], ""
-        if not isinstance(link, h5py.SoftLink):
-            return None, "leads to another file, which is not followed; copy the samples into this one"
-        if hops >= _MOST_HOPS:
-            return None, "is a link that leads nowhere"
-        parts = [part for part in link.path.split("/") if part not in ("", ".")]
-        at = root if link.path.startswith("/") else group
-        for part in parts[:_DEEPEST]:
-            at, barred = _resolved(h5py, root, at, part, hops + 1)
-            if barred:
-                return None, barred
-    except (KeyError, OSError, RuntimeError, TypeError, ValueError, AttributeError):
-        return None, "cannot be opened: it is damaged, or a link that leads nowhere"
-    return at, ""
-
-
-def is_elsewhere(h5py: Any, dataset: Any) -> bool:
-    """Whether the samples of a dataset are stored in other files."""
-    plan = dataset.id.get_create_plist()
-    return bool(plan.get_layout() == h5py.h5d.VIRTUAL or plan.get_external_count() > 0)
-
-
-def _barred(h5py: Any, dataset: Any) -> str:
+def why_barred(h5py: Any, dataset: Any) -> str:
     """The reason why a dataset is no channel, or must not be read; empty if there is none."""
     plan = dataset.id.get_create_plist()
-    if is_elsewhere(h5py, dataset):
+    if plan.get_layout() == h5py.h5d.VIRTUAL or plan.get_external_count() > 0:
         return "has its samples in another file, which is not read; copy them into this one"
-    strange = [plan.get_filter(at)[0] for at in range(plan.get_nfilters())]
-    strange = [one for one in strange if one not in _FILTERS]
+    strange = {plan.get_filter(at)[0] for at in range(plan.get_nfilters())} - _FILTERS
     if strange:
-        return f"is compressed by the filter {strange[0]}, which is no part of HDF5; repack it with GZIP"
+        return f"is compressed by the filter {min(strange)}, which is no part of HDF5; repack it with GZIP"
     try:
         kind, shape = dataset.dtype.kind, dataset.shape
     except (TypeError, ValueError, OSError, RuntimeError):
         return "is of a kind that is not known"
     if kind not in "fiu" or shape is None:
         return "holds no numbers" if kind != "c" else "holds complex numbers"
+    if dataset.size and not dataset.id.get_storage_size():
+        return f"declares {dataset.size} samples and holds none"
     return ""
 
 
-def attributes(h5py: Any, thing: Any) -> dict[str, Any]:
-    """Those known attributes of an object whose value is one short text or one number."""
+def attributes(thing: Any) -> dict[str, Any]:
+    """Those known attributes of an object whose value is one text or one number."""
     found: dict[str, Any] = {}
-    for key in (*UNITS, *RATES, *STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty"):
-        if key in thing.attrs:
-            value = _attribute(h5py, thing, key)
-            if value is not None:
-                found[key] = value
+    for key in _KNOWN:
+        with suppress(KeyError, OSError, RuntimeError, TypeError, ValueError):
+            values = np.asarray(thing.attrs[key]).ravel()
+            value = values[0].decode("utf-8", "replace") if isinstance(values[0], bytes) else values[0]
+            if values.size == 1:
+                found[key] = value if isinstance(value, str) else float(value)
     return found
 
 
-def _attribute(h5py: Any, thing: Any, key: str) -> str | float | None:
-    handle = thing.attrs.get_id(key)
-    if int(np.prod(handle.shape, dtype=object)) != 1 or handle.dtype.itemsize > _LONGEST_TEXT:
-        return None
-    text = h5py.check_string_dtype(handle.dtype) is not None
-    if not text and handle.dtype.kind not in "fiu":
-        return None
-    value = np.asarray(thing.attrs[key]).ravel()[0]
-    if isinstance(value, bytes):
-        return value.decode("utf-8", errors="replace")
-    return str(value) if text else float(value)
-
-
-def samples(leaf: Leaf, max_bytes: int, name: str) -> NDArray[np.float64]:
-    """The numbers of a dataset in its own shape, as floats."""
-    _check(leaf, max_bytes, name)
-    shape = tuple(leaf.dataset.shape)
-    afford(8 * int(np.prod(shape, dtype=object)), max_bytes, name, shown(leaf.path))
-    values = np.empty(shape)
-    if leaf.dataset.size:
-        leaf.dataset.read_direct(values)
-    return values
-
-
-def reader(leaf: Leaf, max_bytes: int, name: str, *, row: int | None = None, axis: int = 0) -> Part:
-    """The function that reads a part of a dataset with one row, or of one `row` of a matrix along the other axis."""
-    _check(leaf, max_bytes, name)
-    dataset = leaf.dataset
-    where: list[Any] = [0] * len(dataset.shape)
-    along = int(np.argmax(dataset.shape)) if row is None else 1 - axis
-    if row is not None:
-        where[axis] = row
+def _row(dataset: Any) -> Part:
+    """The function that reads a part of a dataset with one row."""
+    along = int(np.argmax(dataset.shape))
 
     def part(first: int, last: int) -> NDArray[np.float64]:
-        values = np.empty(last - first)
-        if last > first:
-            where[along] = slice(first, last)
-            dataset.read_direct(values, tuple(where))
-        return values
+        where = [slice(first, last) if at == along else 0 for at in range(len(dataset.shape))]
+        return np.asarray(dataset[tuple(where)], dtype=np.float64) if last > first else np.empty(0)
 
     return part
 
 
-def _check(leaf: Leaf, max_bytes: int, name: str) -> None:
-    """TableError if a dataset must not be read, or holds none of its samples; FileError if a chunk is too large."""
-    dataset = leaf.dataset
-    if leaf.barred:
-        raise TableError(f"{name}: channel {shown(leaf.path)} {leaf.barred}")
-    what = f"channel {shown(leaf.path)}"
-    if dataset.size and dataset.id.get_storage_size() == 0:
-        raise TableError(f"{name}: {what} declares {dataset.size} samples and holds none")
-    if dataset.chunks is not None:
-        declared = int(np.prod(dataset.chunks, dtype=object)) * dataset.dtype.itemsize
-        afford(2 * declared, max_bytes, name, f"a part of {what}")
-
-
-def _is_row(leaf: Leaf) -> bool:
-    if leaf.barred:
-        return False
-    shape = leaf.dataset.shape
-    return len(shape) >= 1 and sum(length != 1 for length in shape) <= 1
-
-
-def _count(leaf: Leaf) -> int:
-    return int(np.prod(leaf.dataset.shape, dtype=object))
-
-
-#: Rate [Hz] and start [s] of a channel, and the dataset of its times; None for what is not stated.
-_Timing = tuple[float | None, float, Leaf | None]
-
-
 def _number(stated: dict[str, Any], keys: Sequence[str]) -> float | None:
     values = (stated.get(key) for key in keys)
-    return next((float(one) for one in values if isinstance(one, float) and np.isfinite(one)), None)
+    return next((one for one in values if isinstance(one, float) and np.isfinite(one)), None)
 
 
-def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str) -> _Timing:
-    """The time base that the channel states, or else its group, or else the dataset of times in the same group."""
-    start = next(filter(None, (_number(stated, _STARTS) for stated in (own, leaf.inherited))), 0.0)
+def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf]) -> tuple[float | None, float, Leaf | None, str]:
+    """Rate [Hz], start [s], and the dataset of the times, which the channel states, its group, or a name beside it.
+
+    The last value says why a stated time is none.
+    """
+    start = next(filter(None, (_number(one, _STARTS) for one in (own, leaf.inherited))), 0.0)
     for stated in (own, leaf.inherited):
-        if rate := _rate(stated):
-            return rate, start, None
+        step = _number(stated, STEPS)
+        rate = _number(stated, RATES) or (1.0 / step if step else 0.0)
+        if rate > 0:
+            return rate, start, None, ""
         if isinstance(stated.get("time"), str):
             time = beside.get(stated["time"].rpartition("/")[2])
             if time is not None and time is not leaf and _has_times_of(time, leaf):
-                return None, 0.0, time
-            if time is not leaf and stated is not leaf.inherited:
+                return None, 0.0, time, ""
+            if time is not leaf and stated is own:
                 what = f"names the time {shown(stated['time'])}, which is not beside it or not as long"
-                raise TableError(f"{name}: channel {shown(leaf.path)} {what}; mend its attribute 'time'")
+                return None, 0.0, None, f"{what}; mend its attribute 'time'"
     times = (one for one in beside.values() if is_time(one.name) and _has_times_of(one, leaf))
     time = None if is_time(leaf.name) else next(times, None)
-    return None, (start if time is None else 0.0), time
-
-
-def _rate(stated: dict[str, Any]) -> float | None:
-    """The rate that attributes state [Hz], or their step gives; None if it is not positive."""
-    step = _number(stated, STEPS)
-    rate = _number(stated, RATES) or (1.0 / step if step else 0.0)
-    return rate if rate > 0 else None
+    return None, (start if time is None else 0.0), time, ""
 
 
 def _has_times_of(time: Leaf, leaf: Leaf) -> bool:
-    return _is_row(time) and _count(time) == _count(leaf)
+    return time.is_row and time.dataset.size == leaf.dataset.size
 
 
-def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
-    return of_name(leaf.name, next((own[key] for key in UNITS if isinstance(own.get(key), str)), None))
+def _track(leaf: Leaf, own: dict[str, Any]) -> Track:
+    """A dataset as a channel without its times."""
+    unit = of_name(leaf.name, next((own[key] for key in UNITS if isinstance(own.get(key), str)), None))
+    note = "; ".join(tidy(own[key]) for key in _NOTES if key in own)
+    count = int(leaf.dataset.size)
+    return Track(leaf.name, unit, count, _row(leaf.dataset), group=leaf.group, note=note)
 
 
-class _Content(Content):
-    """The datasets of an open file."""
-
-    def __init__(self, opened: OpenFile) -> None:
-        super().__init__(opened)
-        self._h5py = opened.guard.load(_LIBRARY)
-        # The library gets the open file, not a path, so that it opens no other file.
-        self._root = opened.closing.enter_context(self._h5py.File(opened.file, "r"))
-        self._leaves = leaves(self._h5py, self._root, self._name)
-        self._rows = [one for one in self._leaves if one.barred or _is_row(one)]
-        self.places = [(one.group, one.name) for one in self._rows]
-        self._times: dict[str, Part] = {}
-        self._groups: dict[str, dict[str, Leaf]] = {}
-        for leaf in self._leaves:
-            self._groups.setdefault(leaf.group, {})[leaf.name] = leaf
-
-    def info(self) -> FileInfo:
-        signals = [self._info(one) for one in self._leaves if _is_row(one)]
-        notes = [f"{key}: {tidy(value)}" for key, value in attributes(self._h5py, self._root).items()]
-        notes += [f"{tidy(one.path)} {one.barred}" for one in self._leaves if one.barred][:20]
-        wide = [tidy(one.path) for one in self._leaves if not one.barred and not _is_row(one)]
-        if wide:
-            notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
-        return FileInfo("HDF5", tuple(signals), tuple(notes))
-
-    def _info(self, leaf: Leaf) -> SignalInfo:
-        own = attributes(self._h5py, leaf.dataset)
-        rate, start, stamps = _timing(leaf, own, self._groups[leaf.group], self._name)
-        count, ends = _count(leaf), None
-        notes = [tidy(own[key]) for key in _NOTES if key in own]
-        if stamps is not None and count:
-            time = self._seconds(stamps)
-            ends = float(time(0, 1)[0]), float(time(count - 1, count)[0])
-            notes.append(f"time from {tidy(stamps.name)}")
-        unit, note = _unit(leaf, own), "; ".join(filter(None, notes))
-        return SignalInfo.timed(leaf.name, unit, leaf.group, count, rate=rate, start=start, ends=ends, note=note)
-
-    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
-        if whole:  # before the datasets are looked at, which may declare what they do not hold
-            asked = [self._rows[index] for index in find(self.places, request)]
-            declared = sum(_count(one) for one in asked if not one.barred)
-            afford(self.sample_bytes * declared, self._max_bytes, self._name)
-        return super().tracks(request, whole=whole)
-
-    def track(self, index: int) -> Track:
-        leaf = self._rows[index]
-        values = reader(leaf, self._max_bytes, self._name)
-        own = attributes(self._h5py, leaf.dataset)
-        rate, start, stamps = _timing(leaf, own, self._groups[leaf.group], self._name)
-        time = None if stamps is None else self._seconds(stamps)
-        return Track(leaf.name, _unit(leaf, own), _count(leaf), values, rate, start, time)
-
-    def _seconds(self, time: Leaf) -> Part:
-        """The function that reads a part of a dataset of times [s]; channels with the same times share it."""
-        if time.path not in self._times:
-            scale = time_scale(_unit(time, attributes(self._h5py, time.dataset)), time.path, self._name)
-            values = reader(time, self._max_bytes, self._name)
-            self._times[time.path] = remembered(lambda first, last: scale * values(first, last))
-        return self._times[time.path]
+def _content(opened: OpenFile) -> Content:
+    """The channels of an open file."""
+    h5py = opened.load("h5py")
+    # The library gets the open file, not a path, so that it opens no other file.
+    root = opened.closing.enter_context(h5py.File(opened.file, "r"))
+    every = leaves(h5py, root, opened.name)
+    groups: dict[str, dict[str, Leaf]] = {}
+    for leaf in every:
+        groups.setdefault(leaf.group, {})[leaf.name] = leaf
+    clocks: dict[tuple[str, str], Part] = {}
+    tracks = []
+    for leaf in every:
+        if not leaf.is_row:
+            continue
+        own = attributes(leaf.dataset)
+        rate, start, clock, barred = _timing(leaf, own, groups[leaf.group])
+        one = replace(_track(leaf, own), rate=rate, start=start, barred=barred)
+        if clock is not None:
+            key = (clock.group, clock.name)
+            clocks.setdefault(key, times_by(_track(clock, attributes(clock.dataset)), opened.name))
+            note = "; ".join(filter(None, (one.note, f"time from {tidy(clock.name)}")))
+            one = replace(one, time=clocks[key], note=note)
+        tracks.append(one)
+    closed = [one.closed for one in every if one.barred]
+    notes = [f"{key}: {tidy(value)}" for key, value in attributes(root).items()] + refused(closed)
+    wide = [tidy(f"{one.group}/{one.name}".lstrip("/")) for one in every if not one.barred and not one.is_row]
+    if wide:
+        notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
+    return Content("HDF5", tracks, notes, closed=closed)
 
 
-FORMAT = track_format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _KIND, _Content, by_library=True)
+FORMAT = track_format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), "an HDF5 file", _content)

@@ -12,31 +12,27 @@ RFC 8259, "The JavaScript Object Notation (JSON) Data Interchange Format".
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, floats
-from fourpole.io.formats.tracks import OpenFile, Part, track_format
-from fourpole.io.formats.variables import LONGEST_TEXT, MOST_TEXTS, Channel, Node, Variables
+from fourpole.io.formats.tracks import Content, OpenFile, track_format
+from fourpole.io.formats.variables import stated, table, tracks_in
 
-_KIND = "a JSON file of columns or records"
-#: Largest file [byte], which is read whole, and memory of its content per byte.
-_MOST_BYTES, _PER_BYTE = 100_000_000, 20
-_DEEPEST = 20
+#: Largest file [byte], which is read whole.
+_MOST_BYTES = 100_000_000
 
 
-def _content(opened: OpenFile) -> Any:
+def _value(opened: OpenFile) -> Any:
     """The value that the file holds; a list, if it has one value on each line."""
-    size = os.fstat(opened.file.fileno()).st_size
-    if size > _MOST_BYTES:
-        raise TableError(f"{opened.name}: has {size / 1e6:.4g} MB; save so much as CSV, Parquet or HDF5")
-    afford(_PER_BYTE * size, opened.max_bytes, opened.name)
-    content = opened.file.read().decode("utf-8-sig")
+    content = opened.file.read(_MOST_BYTES + 1).decode("utf-8-sig")
+    if len(content) > _MOST_BYTES:
+        raise TableError(
+            f"{opened.name}: has more than {_MOST_BYTES // 10**6} MB; save so much as CSV, Parquet or HDF5"
+        )
     try:
         return json.loads(content)
     except json.JSONDecodeError as error:
@@ -47,15 +43,13 @@ def _content(opened: OpenFile) -> Any:
 
 def _columns(records: Sequence[Any]) -> dict[str, Any]:
     """The columns of records: objects by their keys, lists by the number of the column."""
-    keys: dict[str, None] = {}
-    rows = []
-    for one in records:
-        row = one if isinstance(one, dict) else dict(enumerate(one, 1)) if isinstance(one, list) else None
-        if row is None:
-            return {}
-        rows.append({str(key): value for key, value in row.items()})
-        keys |= dict.fromkeys(rows[-1])
-    return {key: [row.get(key) for row in rows] for key in keys}
+    rows = [
+        one if isinstance(one, dict) else dict(enumerate(one, 1)) for one in records if isinstance(one, dict | list)
+    ]
+    if len(rows) < len(records):
+        return {}
+    keys = dict.fromkeys(key for row in rows for key in row)
+    return {str(key): [row.get(key) for row in rows] for key in keys}
 
 
 def _numbers(values: Sequence[Any]) -> NDArray[np.float64] | None:
@@ -65,64 +59,41 @@ def _numbers(values: Sequence[Any]) -> NDArray[np.float64] | None:
     return np.array([np.nan if one is None else one for one in values], dtype=np.float64)
 
 
-def _matrix(values: Sequence[Any]) -> NDArray[np.float64] | None:
-    """The matrix that a list of lists is; None if it is none."""
-    rows = [_numbers(one) if isinstance(one, list) else None for one in values]
-    if any(one is None for one in rows) or len({len(one) for one in rows if one is not None}) != 1:
-        return None
-    return np.array(rows)
+def _variable(value: Any, name: str) -> Any:
+    """A value as numbers, a number, texts, a text, or the fields of an object; None if it is none of these."""
+    if isinstance(value, dict) and value and all(map(str.isdecimal, value)):  # a column by its rows, as pandas has it
+        value = list(value.values())
+    if isinstance(value, Mapping):
+        return _variables(value, name)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, list) or not value:
+        return value if isinstance(value, str) else None
+    if all(isinstance(one, str) for one in value):
+        return value
+    if isinstance(value[0], dict):
+        return _variables(_columns(value), name)
+    rows = [_numbers(one) if isinstance(one, list) else None for one in value]
+    known = [one for one in rows if one is not None]
+    matrix = np.array(known) if len(known) == len(rows) and len(set(map(len, known))) == 1 else _numbers(value)
+    return None if matrix is None else table(matrix, name)
 
 
-def _nodes(content: Mapping[str, Any], depth: int) -> Iterator[Node]:
-    for name, value in content.items():
-        node = Node(name, numbered=(".{}", ".{}"))
-        if (
-            isinstance(value, dict) and value and all(map(str.isdecimal, value))
-        ):  # a column by its rows, as pandas has it
-            value = list(value.values())  # noqa: PLW2901 - the same column
-        if isinstance(value, dict) and depth < _DEEPEST:
-            node.kind, node.dims, node.below = "struct", (1, 1), list(_nodes(value, depth + 1))
-        elif isinstance(value, str):
-            node.kind, node.value = "text", value if len(value) <= LONGEST_TEXT else None
-        elif type(value) in (int, float):
-            node.kind, node.dims, node.value = "numbers", (1, 1), float(value)
-        elif isinstance(value, list) and value:
-            _fill(node, value)
-        yield node
+def _variables(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return {key: _variable(value, name) for key, value in columns.items()}
 
 
-def _fill(node: Node, values: list[Any]) -> None:
-    """Make a node of a list: numbers, a matrix, texts or records."""
-    texts = len(values) <= MOST_TEXTS and all(isinstance(one, str) for one in values)
-    samples = None if texts else _numbers(values)
-    if texts:
-        node.kind, node.below = "cells", [Node("", kind="text", value=one[:LONGEST_TEXT]) for one in values]
-    elif samples is None and isinstance(values[0], dict):
-        node.kind, node.dims, node.below = "struct", (1, 1), list(_nodes(_columns(values), _DEEPEST))
-    else:
-        samples = _matrix(values) if samples is None else samples[:, None]
-        if samples is not None:
-            node.kind, node.dims, node.samples = "numbers", samples.shape, samples
-
-
-class _Content(Variables):
+def _content(opened: OpenFile) -> Content:
     """The channels of an open file."""
-
-    format = "JSON"
-
-    def __init__(self, opened: OpenFile) -> None:
-        content = _content(opened)
-        columns = content if isinstance(content, dict) else _columns(content) if isinstance(content, list) else {}
-        super().__init__(opened, list(_nodes(columns, 0)))
-        if not self._channels:
-            raise TableError(f'{opened.name}: holds no columns of numbers; name a file such as {{"t": [0, 1], ...}}')
-
-    def reader(self, one: Channel, /) -> Part:
-        """The function that reads a part of a channel."""
-        table: NDArray[np.float64] = one.node.samples
-        long = table.shape[0] >= table.shape[1]
-        values = table.ravel() if one.column is None else table[:, one.column] if long else table[one.column]
-        return lambda first, last: floats(values[first:last], one.name, self._name)
+    value = _value(opened)
+    columns = value if isinstance(value, dict) else _columns(value) if isinstance(value, list) else {}
+    variables = _variables(columns, opened.name)
+    tracks = tracks_in(variables, opened.name, (".{}", ".{}"))
+    if not tracks:
+        raise TableError(f'{opened.name}: holds no columns of numbers; name a file such as {{"t": [0, 1], ...}}')
+    return Content("JSON", tracks, stated(variables))
 
 
-FORMAT = track_format("json_columns", "JSON", (".json", ".jsonl", ".ndjson"), _KIND, _Content, by_library=True)
+FORMAT = track_format(
+    "json_columns", "JSON", (".json", ".jsonl", ".ndjson"), "a JSON file of columns or records", _content
+)

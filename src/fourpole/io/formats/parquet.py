@@ -13,8 +13,8 @@ import os
 from typing import BinaryIO
 
 from fourpole.errors import TableError
-from fourpole.io.formats.columnar import Columns, arrow_schema, caught, stated_units
-from fourpole.io.formats.tracks import OpenFile, track_format
+from fourpole.io.formats.columnar import arrow_schema, caught, columns, stated_units
+from fourpole.io.formats.tracks import Content, OpenFile, track_format
 
 _KIND = "a Parquet file"
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
@@ -38,7 +38,7 @@ def _check_end(file: BinaryIO, name: str) -> None:
         raise TableError(f"{name}: is cut short: it does not end as {_KIND} does; copy or export it again")
 
 
-def _columns(opened: OpenFile) -> Columns:
+def _columns(opened: OpenFile) -> Content:
     """The columns of an open file."""
     import polars as pl
 
@@ -46,7 +46,7 @@ def _columns(opened: OpenFile) -> Columns:
     # `glob=False`: characters such as * and [ in the file's name mean themselves.
     scan = pl.scan_parquet(opened.path, glob=False, hive_partitioning=False)
     notes: dict[str, str] = caught(pl.read_parquet_metadata, opened.path)
-    return Columns(scan, opened, "Parquet", notes, stated_units(notes) | _field_units(notes.get("ARROW:schema", "")))
+    return columns(scan, opened, "Parquet", notes, stated_units(notes) | _field_units(notes.get("ARROW:schema", "")))
 
 
-FORMAT = track_format("parquet", "Parquet", (".parquet", ".pq"), _KIND, _columns, by_library=True)
+FORMAT = track_format("parquet", "Parquet", (".parquet", ".pq"), _KIND, _columns)

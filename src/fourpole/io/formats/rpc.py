@@ -24,7 +24,6 @@ from fourpole.errors import TableError
 from fourpole.io.formats.guard import tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
 from fourpole.io.names import numbered
-from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an RPC III file"
@@ -129,54 +128,42 @@ def _shape(keys: dict[str, str], size: int, name: str) -> _Shape:
     return _Shape(begin, type_, channels, group, count, last, step)
 
 
-class _Content(Content):
+def _scale(keys: dict[str, str], channel: int, shape: _Shape, name: str) -> float:
+    """Value of one count; 1 for floats."""
+    scale = 1.0 if shape.kind.kind == "f" else _number(keys.get(f"SCALE.CHAN_{channel}"))
+    if scale is None:
+        raise TableError(f"{name}: states no SCALE.CHAN_{channel}; it is damaged: export it again")
+    return scale
+
+
+def _content(opened: OpenFile) -> Content:
     """The channels of an open file."""
+    keys = _keys(opened.file, opened.name)
+    shape = _shape(keys, os.fstat(opened.file.fileno()).st_size, opened.name)
+    numbers, samples, integer = range(1, shape.channels + 1), _Samples(opened, shape), shape.kind.kind == "i"
+    tracks = []
+    for at, name in zip(numbers, numbered([keys.get(f"DESC.CHAN_{at}") or str(at) for at in numbers]), strict=True):
+        unit, scale = keys.get(f"UNITS.CHAN_{at}", ""), _scale(keys, at, shape, opened.name)
+        note = f"16 bit integer times {scale:.8g}" if integer else ""
+        unit_or_none = unit if unit.upper() not in ("", "NONE") else None
+        part = samples.part(at - 1, scale)
+        tracks.append(Track(name, unit_or_none, shape.count, part, 1.0 / shape.step, note=note))
+    stated = ((key, value) for key, value in keys.items() if "CHAN_" not in key and key not in _STRUCTURE)
+    notes = [f"{tidy(key, 40)}: {tidy(value)}" for key, value in stated if value][:20]
+    full = _number(keys.get("INT_FULL_SCALE"))
+    if integer and full and full != _FULL_SCALE:
+        share = f"{100 * (full / _FULL_SCALE - 1):+.3g} %"
+        notes.append(f"a program that scales by INT_FULL_SCALE/{_FULL_SCALE} gives values that differ by {share}")
+    return Content("RPC III", tracks, notes, sample_bytes=8)
 
-    sample_bytes = 8
 
-    def __init__(self, opened: OpenFile) -> None:
-        super().__init__(opened)
-        self._keys = _keys(opened.file, opened.name)
-        self._shape = _shape(self._keys, os.fstat(opened.file.fileno()).st_size, opened.name)
-        count = range(1, self._shape.channels + 1)
-        self._names = numbered([self._keys.get(f"DESC.CHAN_{at}") or str(at) for at in count])
-        self.places = [("", name) for name in self._names]
-        units = [self._keys.get(f"UNITS.CHAN_{at}", "") for at in count]
-        self._units = [one if one.upper() not in ("", "NONE") else None for one in units]
-        self._scales = [self._scale(at) for at in count]
+class _Samples:
+    """The samples of an open file."""
 
-    def _scale(self, channel: int) -> float:
-        """Value of one count; 1 for floats."""
-        if self._shape.kind.kind == "f":
-            return 1.0
-        scale = _number(self._keys.get(f"SCALE.CHAN_{channel}"))
-        if scale is None:
-            raise TableError(f"{self._name}: states no SCALE.CHAN_{channel}; it is damaged: export it again")
-        return scale
+    def __init__(self, opened: OpenFile, shape: _Shape) -> None:
+        self._file, self._name, self._shape = opened.file, opened.name, shape
 
-    def info(self) -> FileInfo:
-        """The description of the file and its channels."""
-        integer = self._shape.kind.kind == "i"
-        signals = (
-            SignalInfo.timed(
-                name, unit, "", self._shape.count, rate=1.0 / self._shape.step,
-                note=f"16 bit integer times {scale:.8g}" if integer else "",
-            )
-            for name, unit, scale in zip(self._names, self._units, self._scales, strict=True)
-        )  # fmt: skip
-        stated = ((key, value) for key, value in self._keys.items() if "CHAN_" not in key and key not in _STRUCTURE)
-        notes = [f"{tidy(key, 40)}: {tidy(value)}" for key, value in stated if value][:20]
-        full = _number(self._keys.get("INT_FULL_SCALE"))
-        if integer and full and full != _FULL_SCALE:
-            share = f"{100 * (full / _FULL_SCALE - 1):+.3g} %"
-            notes.append(f"a program that scales by INT_FULL_SCALE/{_FULL_SCALE} gives values that differ by {share}")
-        return FileInfo("RPC III", tuple(signals), tuple(notes))
-
-    def track(self, index: int) -> Track:
-        count, rate = self._shape.count, 1.0 / self._shape.step
-        return Track(self._names[index], self._units[index], count, self._part(index), rate)
-
-    def _part(self, channel: int) -> Part:
+    def part(self, channel: int, scale: float) -> Part:
         """The function that reads a part of one channel."""
         group, width = self._shape.group, self._shape.channels * self._shape.kind.itemsize
         step = max(_BLOCK // (group * width), 1)
@@ -191,7 +178,7 @@ class _Content(Content):
                 taken = held[at - begin * group : last - begin * group]
                 values[at - first : at - first + len(taken)] = taken
                 at += len(taken)
-            return values * self._scales[channel]
+            return values * scale
 
         return part
 
@@ -217,4 +204,4 @@ class _Content(Content):
         return np.frombuffer(content, dtype=self._shape.kind).astype(np.float64)
 
 
-FORMAT = track_format("rpc", "RPC III", (".rpc", ".rsp", ".tim", ".drv"), _KIND, _Content)
+FORMAT = track_format("rpc", "RPC III", (".rpc", ".rsp", ".tim", ".drv"), _KIND, _content)

@@ -8,73 +8,24 @@ from __future__ import annotations
 
 import os
 import re
-import struct
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, BinaryIO
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, floats, of_name, tidy
-from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
-from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.formats.guard import floats, of_name, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
 from fourpole.units import shown
 
-_KIND = "an NI TDMS file"
-_LIBRARY = "nptdms"
 #: Seconds from the zero of the file's times, in 1904, to 1970.
 _1904 = 2_082_844_800
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 _NOTES = ("description", "NI_ChannelName", "sensor", "Sensor")
 _SCALE = re.compile(r"NI_Scale\[[0-9]+\]_Scale_Type")
-_LEAD_IN = 28
-_OPEN_END = 0xFFFFFFFFFFFFFFFF
-_METADATA, _NEW_LIST, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 5, 6, 7))
-#: Largest chunk of the file that the library may read whole [byte].
-_AT_ONCE = 1 << 24
-_SAMPLES_AT_ONCE = 1 << 20
-_SMALLEST_OBJECT = 12
-_MOST_ENTRIES = 20_000_000
-_MOST_PIECES = 2_000_000
-
-
-def _check(file: BinaryIO, name: str, max_bytes: int) -> None:
-    """Walk over the segments; TableError if one is damaged or its list of objects is too long, before it is built."""
-    end = os.fstat(file.fileno()).st_size
-    lead = file.read(_LEAD_IN)
-    if lead[:4] == b"TDSh":
-        raise TableError(f"{name}: is the index of a TDMS file, without samples; name the .tdms file itself")
-    position, held, entries = 0, 0, 0
-    while len(lead) == _LEAD_IN:
-        if lead[:4] != b"TDSm":
-            raise TableError(f"{name}: is damaged: no segment begins at byte {position}; copy or export it again")
-        flags = int.from_bytes(lead[4:8], "little")
-        order = ">" if flags & _BIG_ENDIAN else "<"
-        length, metadata = struct.unpack(f"{order}QQ", lead[12:28])
-        if length != _OPEN_END and position + _LEAD_IN + length > end:
-            raise TableError(f"{name}: is cut short in the segment at byte {position}; copy or export it again")
-        if flags & _METADATA:
-            (objects,) = struct.unpack(f"{order}I", file.read(4))
-            if objects * _SMALLEST_OBJECT > min(metadata, end - position):
-                raise TableError(f"{name}: is damaged: the segment at byte {position} declares {objects} objects")
-            held = objects if flags & _NEW_LIST else held + objects
-            entries += held
-        if entries > _MOST_ENTRIES:
-            raise TableError(f"{name}: has more parts than can be kept in order; export it again, defragmented")
-        position += _LEAD_IN + length if length != _OPEN_END else end
-        file.seek(min(position, end))
-        lead = file.read(_LEAD_IN)
-    if lead and position < end:
-        raise TableError(f"{name}: is cut short at byte {position}; copy or export it again")
-    afford(8 * entries, max_bytes, name, "the list of its parts")
-    file.seek(0)
-
-
-def _unit(channel: Any) -> str | None:
-    stated = (channel.properties.get(key) for key in _UNITS)
-    return of_name(channel.name, next((one for one in stated if isinstance(one, str) and one.strip()), None))
+#: Least number of samples that are read at a time: the library reads whole chunks, which may be long.
+_AT_ONCE = 1 << 22
 
 
 def _timing(channel: Any, zero: tuple[int, int] | None) -> tuple[float | None, float]:
@@ -108,163 +59,66 @@ def _zero(channels: Sequence[Any]) -> tuple[int, int] | None:
     return min(known) if known and len(known) == len(begun) else None
 
 
-def _info(opened: OpenFile, tdms: Any, channel: Any, zero: tuple[int, int] | None) -> SignalInfo:
-    rate, start = _timing(channel, zero)
-    notes = [tidy(channel.properties[key]) for key in _NOTES if isinstance(channel.properties.get(key), str)]
-    if channel.dtype.kind not in "fiub":
-        notes.insert(0, "no numbers")
-    if "NI_Number_Of_Scales" in channel.properties:
-        notes.append(_unscaled(opened, tdms, channel) or "scaled by the file")
-    note = "; ".join(one for one in notes if one)
-    unit, group = _unit(channel), channel.group_name
-    return SignalInfo.timed(channel.name, unit, group, len(channel), rate=rate, start=start, note=note)
-
-
-class _Content(Content):
-    """The channels of an open file, as the library reads them."""
-
-    def __init__(self, opened: OpenFile) -> None:
-        _check(opened.file, opened.name, opened.max_bytes)
-        super().__init__(opened)
-        self._opened = opened
-        # The library gets the open file: if it had the path, it would read the index file beside it.
-        library = opened.guard.load(_LIBRARY).TdmsFile
-        self._tdms = opened.closing.enter_context(library.open(opened.file, raw_timestamps=True))
-        self._channels = [channel for group in self._tdms.groups() for channel in group.channels()]
-        self.places = [(one.group_name, one.name) for one in self._channels]
-        self._zero = _zero(self._channels)
-
-    def info(self) -> FileInfo:
-        notes = [f"{key}: {tidy(value)}" for key, value in self._tdms.properties.items()][:20]
-        version = {4712: "1.0", 4713: "2.0"}.get(self._tdms.tdms_version, "")
-        signals = tuple(_info(self._opened, self._tdms, one, self._zero) for one in self._channels)
-        began = None if self._zero is None else self._zero[0] + self._zero[1] / 2**64 - _1904
-        return FileInfo(f"NI TDMS {version}".strip(), signals, tuple(notes), began)
-
-    def track(self, index: int) -> Track:
-        channel = self._channels[index]
-        rate, start = _timing(channel, self._zero)
-        samples = _reader(self._opened, self._tdms, channel)
-        return Track(channel.name, _unit(channel), len(channel), samples, rate, start)
-
-
-@dataclass(frozen=True)
-class _Run:
-    """Consecutive samples of a channel at equal distances in the file."""
-
-    first: int
-    last: int
-    begin: int
-    step: int
-    """Distance from one sample to the next [byte]; 0 if the library reads these samples."""
-    kind: Any
-    """numpy type of a stored sample."""
-
-    def read(self, file: BinaryIO, first: int, last: int) -> NDArray[Any]:
-        """The samples from index `first` up to `last`, as they are stored."""
-        file.seek(self.begin + (first - self.first) * self.step)
-        if self.step == self.kind.itemsize:
-            return np.frombuffer(file.read((last - first) * self.step), self.kind)
-        parts = [np.empty(0, self.kind)]
-        for at in range(first, last, rows := max(_AT_ONCE // self.step, 1)):
-            held = file.read((min(at + rows, last) - at - 1) * self.step + self.kind.itemsize)
-            parts.append(np.ndarray((min(at + rows, last) - at,), self.kind, held, strides=(self.step,)))
-            file.seek(self.step - self.kind.itemsize, os.SEEK_CUR)
-        return np.concatenate(parts)
-
-
-def _runs(segments: Sequence[Any], path: str) -> list[_Run]:
-    """The runs of samples of a channel. The library reads a chunk whole; samples in larger chunks are read here."""
-    runs, begin = [], 0
-    for segment in segments:
-        held = [one for one in segment.ordered_objects if one.has_data]
-        own = next((one for one in held if one.path == path), None)
-        if own is None or not own.number_values or not segment.num_chunks:
-            continue
-        for count, place, step, kind in _pieces(segment, held, own):
-            runs.append(_Run(begin, begin + count, place, step, kind))
-            begin += count
-    return runs
-
-
-def _pieces(segment: Any, held: list[Any], own: Any) -> Iterator[tuple[int, int, int, Any]]:
-    """Number of samples, first byte, step and type of the runs of the channel `own` in a segment."""
-    chunk, ends = sum(one.data_size for one in held), segment.final_chunk_lengths_override
-    stored = getattr(own.data_type, "nptype", None)
-    if segment.toc_mask & _DAQMX or stored is None or chunk <= _AT_ONCE:
-        last = (ends or {}).get(own.path, 0)
-        yield own.number_values * (segment.num_chunks - (ends is not None)) + last, 0, 0, None
-        return
-    kind = np.dtype(stored).newbyteorder(">" if segment.toc_mask & _BIG_ENDIAN else "<")
-    for number in range(segment.num_chunks):
-        counts = ends if number == segment.num_chunks - 1 else None
-        step, skipped = _in_chunk(held, own, counts, interleaved=bool(segment.toc_mask & _INTERLEAVED))
-        count = own.number_values if counts is None else counts.get(own.path, 0)
-        yield count, segment.data_position + number * chunk + skipped, step or kind.itemsize, kind
-
-
-def _in_chunk(held: list[Any], own: Any, counts: Mapping[str, int] | None, *, interleaved: bool) -> tuple[int, int]:
-    """Distance between the samples of a channel in a chunk (0: their size), and bytes before the first one."""
-    before = held[: held.index(own)]
-    if interleaved:
-        return sum(one.data_type.size for one in held), sum(one.data_type.size for one in before)
-    if counts is None:
-        return 0, sum(one.data_size for one in before)
-    return 0, sum(one.data_type.size * counts.get(one.path, 0) for one in before)
-
-
-def _unscaled(opened: OpenFile, tdms: Any, channel: Any) -> str:
+def _unscaled(get_scaling: Any, properties: Sequence[Mapping[str, Any]]) -> str:
     """Why samples cannot be scaled; empty if they can. For an unknown scaling the library returns raw values."""
-    get_scaling = opened.guard.load("nptdms.scaling").get_scaling
-    for stated in (channel.properties, tdms[channel.group_name].properties, tdms.properties):
+    for stated in properties:
         ways = [str(value) for key, value in stated.items() if _SCALE.fullmatch(key)]
-        if stated.get("NI_Scaling_Status", "unscaled") == "scaled" or not ways:
-            continue
-        return "" if get_scaling(stated, {}, {}) is not None else f"is scaled by {shown(ways[-1])}, which is not known"
+        if stated.get("NI_Scaling_Status", "unscaled") != "scaled" and ways:
+            known = get_scaling(stated, {}, {}) is not None
+            return "" if known else f"is scaled by {shown(ways[-1])}, which is not known"
     return ""
 
 
-def _reader(opened: OpenFile, tdms: Any, channel: Any) -> Part:
+def _samples(channel: Any, name: str) -> Part:
     """The function that reads a part of the scaled samples."""
-    guard, file, name = opened.guard, opened.file, opened.name
-    if len(channel) and channel.dtype.kind not in "fiub":
-        floats(np.empty(1, channel.dtype), channel.name, name)
-    if what := _unscaled(opened, tdms, channel):
-        raise TableError(f"{name}: channel {shown(channel.name)} {what}; save its scaled values")
-    segments = tdms._reader._segments  # noqa: SLF001 - no public attribute has the size of a chunk
-    holding = [one for one in segments if channel.path in one.object_index]
-    if sum(one.num_chunks for one in holding) > _MOST_PIECES:
-        what = f"channel {shown(channel.name)} is in more than {_MOST_PIECES} pieces"
-        raise TableError(f"{name}: {what}; defragment the file, or export it again")
-    runs = _runs(holding, channel.path)
-    if not any(one.step for one in runs):
-        runs = [_Run(0, len(channel), 0, 0, None)]
-    scaling = guard.load("nptdms.scaling").get_scaling(
-        channel.properties, tdms[channel.group_name].properties, tdms.properties
-    )
-    wrapped = guard.load("nptdms.base_segment").RawChannelDataChunk.channel_data
 
-    def scaled(run: _Run, first: int, last: int) -> Any:
-        if not run.step:
-            return channel.read_data(first, last - first)
-        raw = run.read(file, first, last)
-        return raw if scaling is None else scaling.scale(wrapped(raw.astype(raw.dtype.newbyteorder("="))))
-
-    def part(first: int, last: int) -> NDArray[np.float64]:
-        values = np.empty(last - first)
-        filled = 0
-        for run in runs:
-            end = min(last, run.last)
-            for begin in range(max(first, run.first), end, _SAMPLES_AT_ONCE):
-                found = floats(scaled(run, begin, min(begin + _SAMPLES_AT_ONCE, end)), channel.name, name)
-                values[filled : filled + len(found)] = found
-                filled += len(found)
-        if filled != len(values):
-            what = f"channel {shown(channel.name)} has {first + filled} of {len(channel)} samples"
+    def read(first: int, last: int) -> NDArray[np.float64]:
+        values = floats(channel.read_data(first, last - first), channel.name, name)
+        if len(values) != last - first:
+            what = f"channel {shown(channel.name)} has {first + len(values)} of {len(channel)} samples"
             raise TableError(f"{name}: is cut short: {what}; copy it again")
         return values
+
+    held = remembered(read)
+
+    def part(first: int, last: int) -> NDArray[np.float64]:
+        steps = range(first // _AT_ONCE * _AT_ONCE, max(last, first + 1), _AT_ONCE)
+        pieces = [held(at, min(at + _AT_ONCE, len(channel)))[max(first - at, 0) : last - at] for at in steps]
+        return np.concatenate(pieces) if len(pieces) > 1 else pieces[0]
 
     return part
 
 
-FORMAT = track_format("tdms", "NI TDMS", (".tdms", ".tdms_index"), _KIND, _Content, by_library=True)
+def _content(opened: OpenFile) -> Content:
+    """The channels of an open file."""
+    if opened.file.read(4) == b"TDSh":
+        raise TableError(f"{opened.name}: is the index of a TDMS file, without samples; name the .tdms file itself")
+    opened.file.seek(0)
+    # The library gets the open file: if it had the path, it would read the index file beside it.
+    tdms = opened.closing.enter_context(opened.load("nptdms").TdmsFile.open(opened.file, raw_timestamps=True))
+    ends = [-1 if one.segment_incomplete else one.next_segment_pos for one in tdms._reader._segments]  # noqa: SLF001
+    if not ends or ends[-1] < os.fstat(opened.file.fileno()).st_size:
+        raise TableError(f"{opened.name}: is cut short in its last segment; copy or export it again")
+    channels = [channel for group in tdms.groups() for channel in group.channels()]
+    zero, get_scaling = _zero(channels), opened.load("nptdms.scaling").get_scaling
+    tracks = []
+    for one in channels:
+        properties = one.properties
+        notes = [tidy(properties[key]) for key in _NOTES if isinstance(properties.get(key), str)]
+        unit = next((properties[key] for key in _UNITS if isinstance(properties.get(key), str)), None)
+        barred = _unscaled(get_scaling, (properties, tdms[one.group_name].properties, tdms.properties))
+        if "NI_Number_Of_Scales" in properties and not barred:
+            notes.append("scaled by the file")
+        barred = f"{barred}; save its scaled values" if barred else ""
+        barred = "holds no numbers" if one.dtype.kind not in "fiub" else barred
+        rate, start = _timing(one, zero)
+        note, unit = "; ".join(filter(None, notes)), of_name(one.name, unit)
+        samples = _samples(one, opened.name)
+        tracks.append(Track(one.name, unit, len(one), samples, rate, start, None, one.group_name, note, barred))
+    version = {4712: "1.0", 4713: "2.0"}.get(tdms.tdms_version, "")
+    notes = [f"{key}: {tidy(value)}" for key, value in tdms.properties.items()][:20]
+    began = None if zero is None else zero[0] + zero[1] / 2**64 - _1904
+    return Content(f"NI TDMS {version}".strip(), tracks, notes, began)
+
+
+FORMAT = track_format("tdms", "NI TDMS", (".tdms", ".tdms_index"), "an NI TDMS file", _content)

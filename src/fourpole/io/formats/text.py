@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.errors import FourpoleError, TableError
-from fourpole.io.columns import Columns, column_blocks, count_rows, read_columns, survey_tables
+from fourpole.io.columns import Columns, column_blocks, survey_tables
 from fourpole.io.formats.guard import afford, find, seconds, tidy
 from fourpole.io.layout import Layout, number
 from fourpole.io.names import in_group, numbered
@@ -135,39 +135,19 @@ def _several(request: Request, refused: TableError | None = None) -> list[Stretc
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    if request.group:
-        stretches = _several(request)
-    else:
-        try:
-            return _read_table(request)
-        except TableError as error:
-            stretches = _several(request, error)
-    chosen = _chosen(request, stretches)
-    needed = _NUMBER_SIZE * sum(stretch.rows * len(names) for stretch, names in chosen)
-    afford(needed, request.max_bytes, request.label)
-    signals: dict[int, Signal] = {}
-    for stretch, names in chosen:
-        columns = read_columns(
-            request.path, list(names.values()), max_bytes=MAX_FILE_BYTES, label=request.label, stretch=stretch
-        )
-        signals |= {at: _signal(columns, one, request.names[at]) for at, one in names.items()}
-    return [signals[at] for at in range(len(request.names))]
+    # A cell has one byte at least, so that a short file needs no count of its rows.
+    if _NUMBER_SIZE * request.path.stat().st_size > request.max_bytes:
+        known = _survey(request.path, request.label, MAX_FILE_BYTES).signals
+        counts = [known[at].count for at in find([(one.group, one.name) for one in known], request)]
+        afford(_NUMBER_SIZE * sum(counts), request.max_bytes, request.label)
+    chunks = list(_blocks(request, MAX_FILE_BYTES))  # one of each stretch
+    return [max((chunk[at] for chunk in chunks), key=lambda one: one.samples.size) for at in range(len(request.names))]
 
 
 def _signal(columns: Columns, column: str, name: str, done: int = 0) -> Signal:
     """A column as a signal; `done` rows of it came before."""
     rate = _rate(columns.above)
     return Signal(name, columns.units[column], columns[column], done / rate if rate else 0.0, rate)
-
-
-def _read_table(request: Request) -> Sequence[Signal]:
-    count = max(len(request.names), 1)
-    # A cell has one byte at least, so that a short file needs no count of its rows.
-    if _NUMBER_SIZE * request.path.stat().st_size > request.max_bytes:
-        rows = count_rows(request.path, max_bytes=MAX_FILE_BYTES, label=request.label)
-        afford(_NUMBER_SIZE * rows * count, request.max_bytes, request.label)
-    columns = read_columns(request.path, request.names, max_bytes=MAX_FILE_BYTES, label=request.label)
-    return [_signal(columns, one, one) for one in request.names]
 
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:

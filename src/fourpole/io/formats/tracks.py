@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
-from fourpole.io.formats.guard import Guard, afford, find, guarded
+from fourpole.io.formats.guard import afford, find, guard, guarded, need, tidy, time_scale
 from fourpole.io.known import BEGINS
-from fourpole.io.names import Place
-from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of
+from fourpole.units import shown
 
 Part = Callable[[int, int], NDArray[np.float64]]
 """A function of two indices that returns the values from the first index up to, without, the second one."""
+#: Largest number of notes on a file, and of those on channels that cannot be read.
+_MOST_NOTES = 20
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class Track:
         Returns the samples from one index to another.
     time : Part or None [s]
         Returns their times, if the file states each time; channels with the same times share this function.
+    group, note : str
+        See `SignalInfo`.
+    barred : str
+        The reason why it cannot be read; empty if it can.
     """
 
     name: str
@@ -48,6 +53,9 @@ class Track:
     rate: float | None = None
     start: float = 0.0
     time: Part | None = None
+    group: str = ""
+    note: str = ""
+    barred: str = ""
 
     def when(self, index: int) -> float:
         """Time of a sample [s]; its index if neither rate nor times are known."""
@@ -72,6 +80,18 @@ class Track:
         start = float(time[0]) if len(time) else self.start
         return Signal(self.name, self.unit, samples, start, self.rate, time)
 
+    def info(self) -> SignalInfo:
+        """The description of the channel; its duration is that of its times if these are finite."""
+        ends = None
+        if self.time is not None and self.count:
+            with suppress(TableError):  # a time in a unit that is none
+                found = self.when(0), self.when(self.count - 1)
+                ends = found if np.isfinite(found).all() else None
+        note = "; ".join(filter(None, (self.barred, self.note)))
+        return SignalInfo.timed(
+            self.name, self.unit, self.group, self.count, rate=self.rate, start=self.start, ends=ends, note=note
+        )
+
 
 def remembered(read: Part) -> Part:
     """The same function, which keeps its last result: channels with the same times do not read them again."""
@@ -84,6 +104,11 @@ def remembered(read: Part) -> Part:
         return held[first, last]
 
     return part
+
+
+def times_by(time: Track, file: str) -> Part:
+    """The function that reads a part of the times [s] which a channel of a file states, in its unit."""
+    return remembered(lambda first, last: time_scale(time.unit, time.name, file) * time.samples(first, last))
 
 
 def _paced(tracks: Sequence[Track]) -> list[Track]:
@@ -135,10 +160,8 @@ class OpenFile:
         The open file, at its beginning.
     name : str
         The file's name in messages.
-    max_bytes : int [byte]
-        Largest memory that may be needed.
-    guard : Guard
-        Loads the library, and is entered already.
+    kind : str
+        The kind of file that is expected.
     closing : ExitStack
         Closes whatever the reader adds to it, before the file itself is closed.
     """
@@ -146,82 +169,91 @@ class OpenFile:
     path: Path
     file: BinaryIO
     name: str
-    max_bytes: int
-    guard: Guard
+    kind: str
     closing: ExitStack
 
+    def load(self, module: str) -> Any:
+        """The module of a library that the base installation lacks; FileError if it is not installed."""
+        return need(module, self.name, self.kind)
 
-class Content(ABC):
-    """The channels of an open file; a format adds how they are described and read.
+
+@dataclass(frozen=True)
+class Content:
+    """The channels of an open file.
 
     Attributes
     ----------
-    places : sequence of Place
-        Group and name of each channel.
+    format, notes, began
+        See `FileInfo`.
+    tracks : sequence of Track
+    closed : sequence of Track
+        What is no channel, and why, for those who name it.
     sample_bytes : int [byte]
         Memory that each sample of a channel needs which is read whole.
     """
 
-    places: Sequence[Place] = ()
-    sample_bytes = 16
+    format: str
+    tracks: Sequence[Track]
+    notes: Sequence[str] = ()
+    began: float | None = None
+    closed: Sequence[Track] = ()
+    sample_bytes: int = 16
 
-    def __init__(self, opened: OpenFile) -> None:
-        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
-
-    @abstractmethod
     def info(self) -> FileInfo:
         """The description of the file and its channels."""
+        return FileInfo(self.format, tuple(one.info() for one in self.tracks), tuple(self.notes), self.began)
 
-    @abstractmethod
-    def track(self, index: int) -> Track:
-        """The channel of an index in `places`; TableError if it cannot be read."""
+    def asked(self, request: Request) -> list[Track]:
+        """The channels of a request; TableError if one is missing, ambiguous, or cannot be read."""
+        every = [*self.tracks, *self.closed]
+        found = [every[at] for at in find([(one.group, one.name) for one in every], request)]
+        for one in found:
+            if one.barred:
+                raise TableError(f"{name_of(request.path, request.label)}: channel {shown(one.name)} {one.barred}")
+        return found
 
-    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
-        """The channels of a request; if `whole`, FileError if all their samples together need too much memory."""
-        tracks = [self.track(index) for index in find(self.places, request)]
-        if whole:
-            afford(self.sample_bytes * sum(one.count for one in tracks), self._max_bytes, self._name)
-        return tracks
+
+def refused(closed: Sequence[Track]) -> list[str]:
+    """Notes on what is no channel, and why."""
+    return [f"{tidy(f'{one.group}/{one.name}'.lstrip('/'))} {one.barred}" for one in closed[:_MOST_NOTES]]
+
+
+@contextmanager
+def opened(module: str, kind: str, path: Path, label: str) -> Iterator[OpenFile]:
+    """A file that is open for the reader of a module, once its first bytes have been looked at."""
+    with ExitStack() as closing:
+        file = closing.enter_context(open_regular(path, max_bytes=MAX_FILE_BYTES, label=label))
+        if not BEGINS[module](file.read(HEAD_BYTES)):
+            raise TableError(f"{label}: is not {kind}: it does not begin as one; check what wrote it")
+        file.seek(0)
+        with path_for_library(path, file, label=label) as same:
+            yield OpenFile(same, file, label, kind, closing)
 
 
 def track_format(
-    module: str,
-    name: str,
-    endings: tuple[str, ...],
-    kind: str,
-    content: Callable[[OpenFile], Content],
-    *,
-    by_library: bool = False,
+    module: str, name: str, endings: tuple[str, ...], kind: str, content: Callable[[OpenFile], Content]
 ) -> Format:
-    """The format of a module, whose channels can be read in any part; `kind` is that of its `Guard`."""
+    """The format of a module whose function `content` gives the channels of an open file; `kind` is for its `guard`."""
 
-    @contextmanager
-    def opened(path: Path, label: str, guard: Guard, max_bytes: int) -> Iterator[Content]:
-        with ExitStack() as closing:
-            file = closing.enter_context(open_regular(path, max_bytes=MAX_FILE_BYTES, label=label))
-            name = name_of(path, label)
-            if not BEGINS[module](file.read(HEAD_BYTES)):
-                raise TableError(f"{name}: is not {kind}: it does not begin as one; check what wrote it")
-            file.seek(0)
-            with path_for_library(path, file, label=name) as same:
-                yield content(OpenFile(same, file, name, max_bytes, guard, closing))
-
-    def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-        guard = Guard(name_of(path, label), kind)
-        with guard, opened(path, label, guard, max_bytes) as found:
-            return found.info()
+    def survey(path: Path, label: str, _: int) -> FileInfo:
+        label = name_of(path, label)
+        with guard(label, kind), opened(module, kind, path, label) as file:
+            return content(file).info()
 
     def read(request: Request) -> list[Signal]:
-        guard = Guard(name_of(request.path, request.label), kind)
-        with guard, opened(request.path, request.label, guard, request.max_bytes) as found:
-            return [one.part(0, one.count) for one in found.tracks(request, whole=True)]
+        label = name_of(request.path, request.label)
+        with guard(label, kind), opened(module, kind, request.path, label) as file:
+            found = content(file)
+            tracks = found.asked(request)
+            afford(found.sample_bytes * sum(one.count for one in tracks), request.max_bytes, label)
+            return [one.part(0, one.count) for one in tracks]
 
-    def chunks(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
-        with opened(request.path, request.label, guard, request.max_bytes) as found:
-            yield from in_step(found.tracks(request, whole=False), rows)
+    def chunks(request: Request, rows: int, label: str) -> Generator[list[Signal]]:
+        with opened(module, kind, request.path, label) as file:
+            yield from in_step(content(file).asked(request), rows)
 
     def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
-        guard = Guard(name_of(request.path, request.label), kind)
-        return guarded(chunks(request, rows, guard), guard)
+        label = name_of(request.path, request.label)
+        return guarded(chunks(request, rows, label), label, kind)
 
-    return Format(name, endings, survey, read, blocks, by_library)
+    return Format(name, endings, survey, read, blocks, by_library=True)

@@ -5,18 +5,17 @@
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.door import open_regular
+from fourpole.io.door import read_bytes
 from fourpole.io.formats.guard import afford, seconds, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
 from fourpole.io.formats.tydex_file import (
     ABSENT,
     SECTIONS,
@@ -28,16 +27,13 @@ from fourpole.io.formats.tydex_file import (
     physical,
 )
 from fourpole.io.known import BEGINS
-from fourpole.io.layout import find_column, is_missing, plain_numbers
-from fourpole.io.names import in_group, numbered
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import AnyPath, encoding_of, name_of
+from fourpole.io.layout import is_missing, plain_numbers, split_lines
+from fourpole.io.names import numbered
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import AnyPath, decode, name_of
 from fourpole.units import shown
 
 _KEYWORD = re.compile(r"\*\*\s*+([A-Za-z_]++)[ \t]*+(.*)")
-_LONGEST_LINE = 1_000_000
-#: Largest number of lines outside the measured data.
-_MOST_LINES = 100_000
 _CHUNK = 10_000
 _HEAD = 65_536
 _TIME = "RUNTIME"
@@ -85,148 +81,104 @@ def read_tydex(path: AnyPath, *, max_bytes: int = 1_000_000_000, label: str | No
     ([3000.0, 3010.5], 2.1)
     """
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        start = file.read(_HEAD)
-        encoding, mark = encoding_of(start, name)
-        if not BEGINS["tydex"](start):
-            raise TableError(f"{name}: is no TYDEX file: it has no section **HEADER or **MEASURCHANNELS at its start")
-        file.seek(mark)
-        text = io.TextIOWrapper(file, encoding=encoding, errors="replace", newline=None)
-        try:
-            return _Reader(_lines(text, name), name, max_bytes).file()
-        finally:
-            text.detach()
+    content = read_bytes(path, max_bytes=max_bytes, label=label)
+    if not BEGINS["tydex"](content[:_HEAD]):
+        raise TableError(f"{name}: is no TYDEX file: it has no section **HEADER or **MEASURCHANNELS at its start")
+    lines = [line.rstrip() for line in split_lines(decode(content, name)[0])]
+    return _file(lines, name, max_bytes)
 
 
-def _lines(text: io.TextIOWrapper, name: str) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers; TableError if a line is so long that it could fill the memory."""
-    at = 0
-    while line := text.readline(_LONGEST_LINE):
-        at += 1
-        if len(line) >= _LONGEST_LINE:
-            raise TableError(f"{name} line {at}: has more than {_LONGEST_LINE} characters; this is no TYDEX file")
-        if "\x00" in line:
-            raise TableError(f"{name} line {at}: is binary, not text; export the file again")
-        yield at, line.rstrip()
+def _file(lines: list[str], name: str, max_bytes: int) -> TydexFile:
+    """The content of a file, section by section."""
+    heads = [(at, *found) for at, line in enumerate(lines) if (found := _keyword(line))]
+    notes: list[str] = []
+    entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": [], "MODELPARAMETERS": []}
+    comments: list[str] = []
+    channels: list[TydexChannel] = []
+    models: list[tuple[str, tuple[str, ...]]] = []
+    data: NDArray[np.float64] | None = None
+    ends = [at for at, _, _ in heads[1:]] + [len(lines)]
+    for (at, keyword, rest), last in zip(heads, ends, strict=False):
+        if keyword == "END":
+            break
+        held = [(number, lines[number - 1]) for number in range(at + 2, last + 1)]
+        plain = [(number, line) for number, line in held if line.strip() and "!" not in line[:10]]
+        if keyword == "MEASURDATA":
+            if not channels:
+                raise TableError(f"{name}: has **MEASURDATA but no channels in **MEASURCHANNELS above it")
+            if data is not None:
+                raise TableError(f"{name}: has **MEASURDATA twice; split it into two files")
+            data = _data(held, len(channels), name, max_bytes)
+            _check_rows(rest, len(data), notes, name)
+        elif keyword == "MEASURCHANNELS":
+            if data is not None and plain:
+                raise TableError(f"{name} line {plain[0][0]}: has a channel below the measured data; mend the file")
+            channels += [_channel(line, f"{name} line {number}") for number, line in plain]
+        elif keyword == "COMMENTS":
+            comments += [line for _, line in held]
+        elif keyword in entries:
+            entries[keyword] += [_entry(line) for _, line in plain]
+        elif keyword in SECTIONS:
+            models.append((keyword, tuple(line for _, line in held)))
+        else:
+            notes.append(f"the section **{keyword} is not of TYDEX 1.3 and is passed over")
+    else:
+        notes.append("has no **END: it may be cut off")
+    return TydexFile(
+        header=tuple(entries["HEADER"]),
+        constants=tuple(entries["CONSTANTS"]),
+        channels=tuple(channels),
+        data=np.empty((0, len(channels))) if data is None else data,
+        comments=tuple(comments),
+        parameters=tuple(entries["MODELPARAMETERS"]),
+        models=tuple(models),
+        notes=tuple(map(tidy, notes[:20])),
+        label=name,
+    )
 
 
-class _Reader:
-    """One pass through the lines, section by section."""
+def _check_rows(stated: str, there: int, notes: list[str], name: str) -> None:
+    """Note the number of rows that the file states if it has more; TableError if it has fewer."""
+    count, _, _ = stated.partition(" ")
+    if count.isascii() and count.isdigit() and int(count[:18]) != there:
+        what = f"says it has {count[:18]} rows and holds {there}"
+        if int(count[:18]) > there:
+            raise TableError(f"{name}: {what}; it is cut off, or the number wrong")
+        notes.append(what)
 
-    def __init__(self, lines: Iterator[tuple[int, str]], name: str, max_bytes: int) -> None:
-        self._lines, self._name, self._max_bytes = lines, name, max_bytes
-        self._entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": [], "MODELPARAMETERS": []}
-        self._comments: list[str] = []
-        self._models: list[tuple[str, list[str]]] = []
-        self._channels: list[TydexChannel] = []
-        self._notes: list[str] = []
-        self._data: NDArray[np.float64] | None = None
-        self._plain = 0
 
-    def file(self) -> TydexFile:
-        """The content of the file."""
-        section, rest = "", ""
-        ended = False
-        while not ended:
-            opened = self._data_until(rest) if section == "MEASURDATA" else self._until_keyword(section)
-            if opened is None:
-                break
-            section, rest = opened
-            if section not in SECTIONS:
-                self._note(f"the section **{section} is not of TYDEX 1.3 and is passed over")
-                section = ""
-            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
-                self._models.append((section, []))
-            ended = section == "END"
-        if not ended:
-            self._note("has no **END: it may be cut off")
-        data = self._data if self._data is not None else np.empty((0, len(self._channels)))
-        return TydexFile(
-            header=tuple(self._entries["HEADER"]),
-            constants=tuple(self._entries["CONSTANTS"]),
-            channels=tuple(self._channels),
-            data=data,
-            comments=tuple(self._comments),
-            parameters=tuple(self._entries["MODELPARAMETERS"]),
-            models=tuple((keyword, tuple(lines)) for keyword, lines in self._models),
-            notes=tuple(self._notes),
-            label=self._name,
-        )
+def _data(lines: list[tuple[int, str]], count: int, name: str, max_bytes: int) -> NDArray[np.float64]:
+    """The measured data, as (rows, channels)."""
+    parts: list[NDArray[np.float64]] = []
+    rows, held = _full_rows(lines, count, name), 0
+    while chunk := list(islice(rows, max(_CHUNK // count, 1))):
+        held += len(chunk)
+        afford(16 * held * count, max_bytes, name, "its data")
+        parts.append(_values(chunk, name))
+    return np.concatenate(parts) if parts else np.empty((0, count))
 
-    def _note(self, text: str) -> None:
-        if len(self._notes) < 20:
-            self._notes.append(tidy(text))
 
-    def _until_keyword(self, section: str) -> tuple[str, str] | None:
-        """Read the lines of a section; returns the next keyword and the text behind it, None at the end of the file."""
-        for at, line in self._lines:
-            self._plain += 1
-            if self._plain > _MOST_LINES:
-                raise TableError(f"{self._name} line {at}: has too many lines outside its data; this is no TYDEX file")
-            if opened := _keyword(line):
-                return opened
-            if section == "COMMENTS":
-                self._comments.append(line)
-            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
-                self._models[-1][1].append(line)
-            elif not line.strip() or "!" in line[:10]:
-                continue
-            elif section == "MEASURCHANNELS":
-                if self._data is not None:
-                    raise TableError(f"{self._name} line {at}: has a channel below the measured data; mend the file")
-                self._channels.append(_channel(line, f"{self._name} line {at}"))
-            elif section in self._entries:
-                self._entries[section].append(_entry(line))
-        return None
-
-    def _data_until(self, rest: str) -> tuple[str, str] | None:
-        """Read the measured data; `rest` may state their number of rows. Returns as `_until_keyword`."""
-        if not self._channels:
-            raise TableError(f"{self._name}: has **MEASURDATA but no channels in **MEASURCHANNELS above it")
-        if self._data is not None:
-            raise TableError(f"{self._name}: has **MEASURDATA twice; split it into two files")
-        count = len(self._channels)
-        opened: list[tuple[str, str]] = []
-        parts: list[NDArray[np.float64]] = []
-        rows = self._full_rows(count, opened)
-        held = 0
-        while chunk := list(islice(rows, max(_CHUNK // count, 1))):
-            held += len(chunk)
-            afford(16 * held * count, self._max_bytes, self._name, "its data")
-            parts.append(_values(chunk, self._name))
-        self._data = np.concatenate(parts) if parts else np.empty((0, count))
-        stated, _, _ = rest.partition(" ")
-        if stated.isascii() and stated.isdigit() and int(stated[:18]) != held:
-            if int(stated[:18]) > held:
-                cut = "it is cut off, or the number wrong"
-                raise TableError(f"{self._name}: says it has {stated[:18]} rows and holds {held}; {cut}")
-            self._note(f"says it has {stated} rows and holds {held}")
-        return opened[0] if opened else None
-
-    def _full_rows(self, count: int, opened: list[tuple[str, str]]) -> Iterator[tuple[int, list[str]]]:
-        """Number of the line, and one cell per channel, of each row; the next keyword is appended to `opened`."""
-        cells: list[str] = []
-        first = 0
-        for at, line in self._lines:
-            if line.startswith("**") and (keyword := _keyword(line)):
-                opened.append(keyword)
-                break
-            found = line.partition("!")[0].split()
-            if not found:
-                continue
-            first = first if cells else at
-            if len(found) < count and not cells and len(line) >= 10 * (count - 1):
-                found = _tens(line, count) or found
-            cells += found
-            if len(cells) > count:
-                what = f"{len(cells)} values" if len(found) > count else f"{len(cells)} values over its lines"
-                raise TableError(f"{self._name} row {first}: has {what} for {count} channels; mend or remove it")
-            if len(cells) == count:
-                yield first, cells
-                cells = []
-        if cells:
-            what = f"{len(cells)} of {count} values"
-            raise TableError(f"{self._name} row {first}: ends after {what}; the file is cut off, or the row wrong")
+def _full_rows(lines: list[tuple[int, str]], count: int, name: str) -> Iterator[tuple[int, list[str]]]:
+    """Number of the line, and one cell per channel, of each row."""
+    cells: list[str] = []
+    first = 0
+    for at, line in lines:
+        found = line.partition("!")[0].split()
+        if not found:
+            continue
+        first = first if cells else at
+        if len(found) < count and not cells and len(line) >= 10 * (count - 1):
+            found = _tens(line, count) or found
+        cells += found
+        if len(cells) > count:
+            what = f"{len(cells)} values" if len(found) > count else f"{len(cells)} values over its lines"
+            raise TableError(f"{name} row {first}: has {what} for {count} channels; mend or remove it")
+        if len(cells) == count:
+            yield first, cells
+            cells = []
+    if cells:
+        what = f"{len(cells)} of {count} values"
+        raise TableError(f"{name} row {first}: ends after {what}; the file is cut off, or the row wrong")
 
 
 def _keyword(line: str) -> tuple[str, str] | None:
@@ -304,24 +256,6 @@ def _channel(line: str, where: str) -> TydexChannel:
     return TydexChannel(called, unit, description, values[0], values[2], values[1])
 
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    tyre = read_tydex(path, max_bytes=max_bytes, label=label)
-    time = _running(tyre)
-    ends = None
-    if time is not None and len(time) and np.isfinite(time[[0, -1]]).all():
-        ends = float(time[0]), float(time[-1])
-    names = numbered([one.name for one in tyre.channels])
-    signals = tuple(
-        SignalInfo.timed(called, one.unit or None, "", len(tyre.data), ends=ends, note=_description(one))
-        for called, one in zip(names, tyre.channels, strict=True)
-    )
-    entries = [f"{one.name} ({one.description}): {one.value} {one.unit}" for one in (*tyre.header, *tyre.constants)]
-    comments = [line.lstrip("! ") for line in tyre.comments if any(map(str.isalnum, line))]
-    release = tyre.constant("RELEASE")
-    notes = tuple(tidy(note) for note in (*tyre.notes, *entries[:100], *comments[:20]))
-    return FileInfo(tidy(f"TYDEX {release.value if release else ''}".strip()), signals, notes)
-
-
 def _description(one: TydexChannel) -> str:
     """The meaning of a channel's name, its description and its conversion, if it has one."""
     stored = f"(stored value {one.stored_offset:+g})" if one.stored_offset else "stored value"
@@ -339,20 +273,26 @@ def _running(tyre: TydexFile) -> NDArray[np.float64] | None:
     return None if scale is None else scale * physical(tyre.data[:, found[0]], tyre.channels[found[0]], tyre.label)
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    tyre = read_tydex(request.path, max_bytes=request.max_bytes, label=request.label)
-    in_group([], request.group, request.label)
-    if not len(tyre.data):
-        raise TableError(f"{request.label}: has no measured data")
-    time = _running(tyre)
-    names = [one.name for one in tyre.channels]
-    called = numbered(names)
-    signals = []
-    for wanted in request.names:
-        at = find_column(names, wanted, request.label)
-        values = physical(tyre.data[:, at], tyre.channels[at], request.label)
-        signals.append(Signal(called[at], tyre.channels[at].unit or None, values, time=time))
-    return signals
+def _content(opened: OpenFile) -> Content:
+    """The channels of an open file."""
+    tyre = read_tydex(opened.path, max_bytes=MAX_FILE_BYTES, label=opened.name)
+    time, count = _running(tyre), len(tyre.data)
+    times = None if time is None else lambda first, last: time[first:last]
+    barred = "" if count else "has no measured data"
+
+    def samples(at: int) -> Part:
+        return lambda first, last: physical(tyre.data[first:last, at], tyre.channels[at], opened.name)
+
+    names = numbered([one.name for one in tyre.channels])
+    tracks = [
+        Track(name, one.unit or None, count, samples(at), time=times, note=_description(one), barred=barred)
+        for at, (name, one) in enumerate(zip(names, tyre.channels, strict=True))
+    ]
+    entries = [f"{one.name} ({one.description}): {one.value} {one.unit}" for one in (*tyre.header, *tyre.constants)]
+    comments = [line.lstrip("! ") for line in tyre.comments if any(map(str.isalnum, line))]
+    release = tyre.constant("RELEASE")
+    notes = [tidy(note) for note in (*tyre.notes, *entries[:100], *comments[:20])]
+    return Content(tidy(f"TYDEX {release.value if release else ''}".strip()), tracks, notes)
 
 
-FORMAT = Format("TYDEX", (".tdx", ".tydex"), _survey, _read)
+FORMAT = track_format("tydex", "TYDEX", (".tdx", ".tydex"), "a TYDEX file", _content)

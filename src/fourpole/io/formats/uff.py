@@ -19,24 +19,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.door import open_regular
-from fourpole.io.formats.guard import Guard, afford, find, floats, tidy
-from fourpole.io.known import BEGINS
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.formats import tracks
+from fourpole.io.formats.guard import floats, guard, tidy
 from fourpole.io.source import name_of
 from fourpole.units import shown
+from fourpole.words import first_of
 
 _KIND = "a UFF file"
-_LIBRARY = "pyuff"
 _MARK = re.compile(rb"    -1[ ]*(?=\r|\n|$)")
 #: Lines of a data set 58 before its values, with the mark.
 _HEADER = 13
 _LONGEST_HEADER = 1 << 14
-_MOST_SETS = 100_000
-#: Largest number of kinds of data sets in a message.
-_MOST_TAGS = 12
 _TIME_RESPONSE, _GENERAL = 1, 0
 _TIME_AXIS = (0, 1, 17)
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
@@ -55,25 +51,6 @@ _FUNCTIONS = {
     12: "spectrum",
     24: "shock response spectrum",
     27: "order function",
-}
-#: Data sets that hold no signals.
-_OTHERS = {
-    15: "nodes",
-    18: "coordinate systems",
-    55: "mode shapes or other data at nodes",
-    56: "data at elements",
-    57: "data at nodes of elements",
-    82: "lines that link nodes",
-    151: "the header of the file",
-    164: "its units",
-    780: "elements",
-    781: "nodes",
-    1858: "remarks on functions",
-    2400: "the header of a model",
-    2411: "nodes",
-    2412: "elements",
-    2414: "results of an analysis",
-    2420: "coordinate systems",
 }
 #: Data sets that say something of the others.
 _ABOUT = (b"151", b"164", b"1858")
@@ -128,18 +105,11 @@ def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
     position, number = 0, 0
     while (mark := _at_line_start(content, position)) is not None:
         number += 1
-        if number > _MOST_SETS:
-            raise TableError(f"{name}: has more than {_MOST_SETS} data sets; split it")
         head = content[mark.end() : mark.end() + _LONGEST_HEADER].lstrip(b"\r\n").splitlines(keepends=True)
-        if not head or re.match(rb"\s*[0-9]+\s*(b|$)?", head[0], re.IGNORECASE) is None:
-            raise TableError(f"{name}: is damaged: no data set begins at byte {mark.start()}; export it again")
         after = mark.end()
-        binary = head[0][6:7].lower() == b"b"
+        binary = bool(head) and head[0][6:7].lower() == b"b"
         if binary:  # binary samples may contain the bytes of a mark, so they are skipped by their stated size
-            size = int(head[0][31:43].strip() or b"0")
-            after += sum(map(len, head[: _HEADER - 1])) + size
-            if size < 0 or after > len(content):
-                raise TableError(f"{name}: is cut short in data set {number}; copy or export it again")
+            after += sum(map(len, head[: _HEADER - 1])) + int(head[0][31:43].strip() or b"0")
         end = _MARK.search(content, after) if binary else _at_line_start(content, after)
         if end is None:
             raise TableError(f"{name}: is cut short: data set {number} does not end; copy or export it again")
@@ -148,10 +118,8 @@ def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
 
 
 def _at_line_start(content: mmap.mmap, position: int) -> re.Match[bytes] | None:
-    for mark in _MARK.finditer(content, position):
-        if mark.start() == 0 or content[mark.start() - 1] in b"\r\n":
-            return mark
-    return None
+    marks = _MARK.finditer(content, position)
+    return next((one for one in marks if one.start() == 0 or content[one.start() - 1] in b"\r\n"), None)
 
 
 @contextlib.contextmanager
@@ -183,37 +151,21 @@ def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], 
             with contextlib.suppress(IndexError, ValueError):
                 system = int(lines[2][:10])
     if not places:
-        raise TableError(f"{name}: holds no function (data set 58), only {_held(others)}; export the time signals too")
+        what = f"only data sets {_held(others)}" if others else "nothing"
+        raise TableError(f"{name}: holds no function (data set 58), {what}; export the time signals too")
     with copied(heads) as path:
         uff = pyuff.UFF(path)
         found = uff.read_sets(header_only=True)
     found = found if isinstance(found, list) else [found]
-    if len(found) != len(places) or any(one.get("type") != 58 for one in found):
-        raise TableError(
-            f"{name}: is damaged: {len(places)} data sets begin, {len(found)} can be read; export it again"
-        )
+    if len(found) != len(places) or any(one.get("type") != 58 or one["num_pts"] < 0 for one in found):
+        raise TableError(f"{name}: is damaged: of {len(places)} data sets {len(found)} can be read; export it again")
     sets = [DataSet(start, stop, head) for (start, stop), head in zip(places, found, strict=True)]
-    _check_counts(sets, name)
     return sets, system, {tag: count for tag, count in others.items() if tag not in _ABOUT}
 
 
-def _check_counts(sets: Sequence[DataSet], name: str) -> None:
-    """TableError if a function declares more values than its bytes can hold."""
-    for number, one in enumerate(sets, 1):
-        least = (4 if one.header["ord_data_type"] in (2, 5) else 8) if one.header.get("binary") else 13
-        if one.count < 0 or one.count * least > one.stop - one.start + 80:
-            raise TableError(
-                f"{name}: is cut short: function {number} declares {one.count} values and has fewer; export it again"
-            )
-
-
 def _held(others: Mapping[bytes, int]) -> str:
-    """What some data sets hold, with their numbers."""
-    words = []
-    for tag in list(others)[:_MOST_TAGS]:
-        number = int(tag) if tag.isdigit() else 0
-        words.append(f"{_OTHERS.get(number, 'data')} (data set {tidy(tag.decode('ascii', 'replace'))})")
-    return ", ".join(words) or "nothing"
+    """The numbers of some data sets."""
+    return first_of([tidy(one.decode("ascii", "replace"), 6) for one in others], 12)
 
 
 def _dof(header: Mapping[str, Any]) -> str:
@@ -262,18 +214,6 @@ def rate_of_step(step: float) -> float | None:
     return float(whole) if whole and f"{1.0 / whole:.5E}" == f"{step:.5E}" else 1.0 / step
 
 
-def _info(one: DataSet, name: str, system: int) -> SignalInfo:
-    texts = [one.words, label_of(one.header, "id1"), _dof(one.header)]
-    notes = list(dict.fromkeys(tidy(text) for text in texts if text and text != name))
-    if not one.is_signal:
-        return SignalInfo.timed(name, None, "", one.count, note=f"no recording: {'; '.join(notes)}")
-    if axis := label_of(one.header, "ordinate_axis_lab"):
-        notes.append(tidy(axis))
-    rate, start = rate_of_step(one.step) if one.even else None, float(one.header["abscissa_min"])
-    unit = _unit(one.header, system)
-    return SignalInfo.timed(name, unit, "", one.count, rate=rate, start=start, note="; ".join(notes))
-
-
 @dataclass(frozen=True)
 class Content:
     """The data sets 58 of an open file, with their names and the file's unit system."""
@@ -287,52 +227,58 @@ class Content:
 
 
 @contextlib.contextmanager
-def opened(path: Path, label: str, max_bytes: int) -> Iterator[Content]:
+def opened(path: Path, label: str, _: int) -> Iterator[Content]:
     """The data sets 58 of a file, while it is open."""
     name = name_of(path, label)
-    with Guard(name, _KIND) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
-        if not BEGINS["uff"](file.read(4096)):
-            raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            pyuff = guard.load(_LIBRARY)
-            sets, system, others = _headers(pyuff, content, name)
-            yield Content(pyuff, content, sets, _names(sets), system, others)
+    with guard(name, _KIND), tracks.opened("uff", _KIND, path, name) as file:
+        yield _sets(file)
 
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    with opened(path, label, max_bytes) as found:
-        sets = found.sets
-        signals = tuple(_info(one, name, found.system) for one, name in zip(sets, found.names, strict=True))
+def _sets(file: tracks.OpenFile) -> Content:
+    """The data sets 58 of an open file."""
+    pyuff = file.load("pyuff")
+    content = file.closing.enter_context(mmap.mmap(file.file.fileno(), 0, access=mmap.ACCESS_READ))
+    sets, system, others = _headers(pyuff, content, file.name)
+    return Content(pyuff, content, sets, _names(sets), system, others)
+
+
+def _track(found: Content, one: DataSet, called: str, name: str) -> tracks.Track:
+    """A function as a channel; what is none is barred."""
+    texts = [one.words, label_of(one.header, "id1"), _dof(one.header)]
+    notes = list(dict.fromkeys(tidy(text) for text in texts if text and text != called))
+
+    @tracks.remembered
+    def values(*_: int) -> NDArray[np.float64]:
+        with copied([found.content[one.start : one.stop], b"\n"]) as path:
+            read = found.pyuff.UFF(path).read_sets()
+        if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
+            raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
+        keys = ["data"] if one.even else ["data", "x"]
+        return np.array([floats(read[key][: one.count], called, name) for key in keys])
+
+    def column(at: int) -> tracks.Part:
+        return lambda first, last: values(0, 0)[at, first:last]
+
+    if not one.is_signal or one.is_complex:
+        what = f"is a {'complex ' if one.is_signal else ''}{one.words}, no recording; name a time signal"
+        return tracks.Track(called, None, one.count, column(0), note="; ".join(notes[1:]), barred=what)
+    if axis := label_of(one.header, "ordinate_axis_lab"):
+        notes.append(tidy(axis))
+    rate, time = (rate_of_step(one.step), None) if one.even else (None, column(1))
+    start, unit = float(one.header["abscissa_min"]), _unit(one.header, found.system)
+    return tracks.Track(called, unit, one.count, column(0), rate, start, time, note="; ".join(notes))
+
+
+def _content(file: tracks.OpenFile) -> tracks.Content:
+    """The functions of an open file."""
+    found = _sets(file)
+    sets = found.sets
     notes = [tidy(label_of(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")]
     if found.others:
-        notes.append(f"no signals: {_held(found.others)}")
-    binary = any(one.header.get("binary") for one in sets)
-    return FileInfo("UFF 58b" if binary else "UFF 58", signals, tuple(note for note in notes if note))
+        notes.append(f"no signals: data sets {_held(found.others)}")
+    form = "UFF 58b" if any(one.header.get("binary") for one in sets) else "UFF 58"
+    every = [_track(found, one, called, file.name) for one, called in zip(sets, found.names, strict=True)]
+    return tracks.Content(form, every, [note for note in notes if note], sample_bytes=24)
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    name = name_of(request.path, request.label)
-    with opened(request.path, request.label, request.max_bytes) as found:
-        chosen = find([("", one) for one in found.names], request)
-        sizes = [found.sets[at].stop - found.sets[at].start for at in chosen]
-        afford(16 * sum(found.sets[at].count for at in chosen) + 8 * max(sizes, default=0), request.max_bytes, name)
-        return [_signal(found, at, name) for at in chosen]
-
-
-def _signal(found: Content, at: int, name: str) -> Signal:
-    one, called = found.sets[at], found.names[at]
-    if not one.is_signal or one.is_complex:
-        what = one.words if not one.is_signal else f"complex {one.words}"
-        raise TableError(f"{name}: {shown(called)} is a {what}, no recording; name a time signal (function type 1)")
-    with copied([found.content[one.start : one.stop], b"\n"]) as path:
-        read = found.pyuff.UFF(path).read_sets()
-    if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
-        raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
-    samples = floats(read["data"][: one.count], called, name)
-    unit = _unit(one.header, found.system)
-    if one.even:
-        return Signal(called, unit, samples, float(one.header["abscissa_min"]), rate_of_step(one.step))
-    return Signal(called, unit, samples, time=floats(read["x"][: one.count], called, name))
-
-
-FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _survey, _read, by_library=True)
+FORMAT = tracks.track_format("uff", "UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _KIND, _content)

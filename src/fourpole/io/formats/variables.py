@@ -12,56 +12,16 @@ step `dt`, `Ts`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue
-from fourpole.io.formats.guard import is_time, of_name, seconds, tidy, time_scale
-from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.guard import floats, is_time, of_name, tidy
+from fourpole.io.formats.tracks import Part, Track, times_by
 
-LONGEST_TEXT = 1000
-MOST_TEXTS = 4096
-
-
-@dataclass(eq=False)
-class Node(ByValue):
-    """A variable, a field of a struct or a cell."""
-
-    name: str
-    kind: str = "other"
-    """numbers, text, cells, struct or other."""
-    dims: tuple[int, ...] = ()
-    value: float | str | None = None
-    """The value of a single number or a short text."""
-    below: list[Node] = field(default_factory=list)
-    samples: Any = None
-    """What the reader of the format takes the numbers from."""
-    unit: str | None = None
-    """The unit that its type states: "s" for points in time and durations."""
-    numbered: tuple[str, str] = ("[:,{}]", "[{},:]")
-    """What a column and a row of a matrix are called after the name of the matrix, counted from 1."""
-
-    @property
-    def texts(self) -> list[str] | None:
-        """The texts of a cell array; None if it has any cell that is no text."""
-        found = [one.value for one in self.below if isinstance(one.value, str)]
-        return found if self.kind == "cells" and found and len(found) == len(self.below) else None
-
-    @property
-    def is_table(self) -> bool:
-        """Whether it is a matrix of numbers with several rows and columns."""
-        return self.kind == "numbers" and len(self.dims) == 2 and min(self.dims) > 1
-
-    @property
-    def is_vector(self) -> bool:
-        """Whether it is a single row or column of several numbers."""
-        return self.kind == "numbers" and len(self.dims) == 2 and min(self.dims) == 1 and max(self.dims) > 1
-
-
+_MOST_COLUMNS = 4096
 _RATES = re.compile(r"(?:fs|f_s|rate|sample_?rate|sampling_?rate|sampling_?frequency|samp_?freq)", re.IGNORECASE)
 _STEPS = re.compile(r"(?:dt|ts|delta_?t|increment|sample_?time|sampling_?time)", re.IGNORECASE)
 _NAMES = re.compile(r"name|label|channel|signal|header|column|title", re.IGNORECASE)
@@ -69,158 +29,136 @@ _UNITS = re.compile(r"unit|einheit|dimension", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Channel:
-    """The place of the samples of a channel, its unit and its time base."""
+class Table:
+    """A matrix of numbers, whose longer axis is the time.
 
-    name: str
-    unit: str | None
-    path: tuple[str, ...]
-    node: Node
-    column: int | None
+    Attributes
+    ----------
+    count, width : int
+        Its lengths; a vector has the width 1.
+    long : bool
+        Whether the columns are the channels, not the rows.
+    column : callable
+        Returns the function that reads a part of a channel, from the number of the channel and its name.
+    unit : str or None
+        The unit that its type states: "s" for points in time and durations.
+    """
+
     count: int
-    rate: float | None = None
-    time: Channel | None = None
-
-    @property
-    def place(self) -> tuple[tuple[str, ...], int | None]:
-        """Its variable and fields, and its column: what no other channel has, even one of the same name."""
-        return self.path, self.column
+    width: int
+    long: bool
+    column: Callable[[int, str], Part]
+    unit: str | None = None
 
 
-def channels_within(nodes: Sequence[Node], path: tuple[str, ...], above: float | None) -> Iterator[Channel]:
+#: Names of variables or fields with their values: numbers, a number, a text, texts, or the fields of a struct.
+Variables = Mapping[str, Any]
+
+
+def table(values: Any, name: str, *, dims: tuple[int, ...] = (), unit: str | None = None) -> Table | float | None:
+    """The numbers of an array, or of a dataset, or its only number; None if it has more than two dimensions, or none.
+
+    Parameters
+    ----------
+    values : array
+    name : str
+        The file's name in messages.
+    dims : tuple of int, optional
+        Its dimensions if they are stored in reverse, as in MATLAB 7.3.
+    unit : str, optional
+        See `Table`.
+    """
+    flat, turned = len(values.shape) == 1, bool(dims)
+    dims = dims or (*values.shape, *([1] if flat else []))
+    if len(dims) > 2 or (len(dims) == 2 and 0 in dims):
+        return None
+    if max(dims, default=1) == 1 and unit is None:
+        return float(values[()].ravel()[0])
+    long = dims[0] >= dims[1]
+
+    def column(at: int, channel: str) -> Part:
+        def part(first: int, last: int) -> Any:
+            rows = slice(first, last)
+            return floats(values[rows if flat else (rows, at) if long != turned else (at, rows)], channel, name)
+
+        return part
+
+    return Table(max(dims), min(dims), long, column, unit)
+
+
+def tracks_in(found: Variables, name: str, numbered: tuple[str, str]) -> list[Track]:
+    """The channels of a file; `numbered` are the endings of a column's and of a row's name, counted from 1."""
+    return list(_within(found, (), None, name, numbered))
+
+
+def stated(found: Variables) -> list[str]:
+    """The numbers and texts at the top of a file, as notes."""
+    return [f"{tidy(key)}: {tidy(one)}" for key, one in found.items() if isinstance(one, float | str)][:20]
+
+
+def _within(
+    found: Variables, path: tuple[str, ...], above: float | None, name: str, numbered: tuple[str, str]
+) -> Iterator[Track]:
     """The channels of a struct, or of the top of the file; `above` is the rate that a struct above states [Hz]."""
-    rate = _rate(nodes) or above
-    found = list(_channels_of(nodes, path))
-    times = [one for one in found if one.node.unit == "s"] or [one for one in found if is_time(one.name)]
-    for channel in found:
-        time = next((other for other in times if other.count == channel.count), None)
-        if channel in times:
-            yield channel
+    rate = _rate(found) or above
+    every = list(_channels(found, path, numbered))
+    clocks = [one for one, moment in every if moment] or [one for one, _ in every if is_time(one.name)]
+    times = [(clock, times_by(clock, name)) for clock in clocks]
+    for one, _ in every:
+        clock, time = next((pair for pair in times if pair[0].count == one.count), (None, None))
+        if any(one is other for other in clocks):
+            yield one
+        elif clock is not None:
+            yield replace(one, time=time, note=f"time from {tidy(clock.name)}")
         else:
-            yield replace(channel, rate=None if time else rate, time=time)
-    for one in nodes:
-        if one.kind == "struct":
-            yield from channels_within(one.below, (*path, one.name), rate)
+            yield replace(one, rate=rate)
+    for key, one in found.items():
+        if isinstance(one, Mapping):
+            yield from _within(one, (*path, key), rate, name, numbered)
 
 
-def _channels_of(nodes: Sequence[Node], path: tuple[str, ...]) -> Iterator[Channel]:
-    """The vectors and columns among some nodes, without their times."""
-    tables = [one for one in nodes if one.is_table]
-    unit = _only_text(nodes, _UNITS) if sum(one.is_vector for one in nodes) == 1 else None
-    named = _units_by_name(nodes)
-    for one in nodes:
-        called = ".".join(filter(None, [*path, one.name]))
-        if one.is_vector:
-            stated = of_name(one.name, one.unit or unit or named.get(one.name))
-            yield Channel(called, stated, (*path, one.name), one, None, max(one.dims))
-        elif one.is_table:
-            yield from _columns(one, called, path, nodes if len(tables) == 1 else ())
+def _channels(found: Variables, path: tuple[str, ...], numbered: tuple[str, str]) -> Iterator[tuple[Track, bool]]:
+    """The vectors and columns among some variables, without their times, and whether they are moments."""
+    tables = {key: one for key, one in found.items() if isinstance(one, Table)}
+    vectors = [key for key, one in tables.items() if one.width == 1]
+    alone = len(vectors) == 1
+    unit = next((one for key, one in found.items() if alone and isinstance(one, str) and _UNITS.search(key)), None)
+    units = _units_by_name(found, vectors)
+    for key, one in tables.items():
+        called = ".".join(filter(None, [*path, key]))
+        if one.width == 1:
+            stated = of_name(key, one.unit or unit or units.get(key))
+            yield Track(called, stated, one.count, one.column(0, called)), one.unit is not None
+        elif one.width <= _MOST_COLUMNS:
+            beside = found if len(tables) - len(vectors) == 1 else {}
+            named, stating = (_texts(beside, wanted, one.width) for wanted in (_NAMES, _UNITS))
+            for at in range(one.width):
+                bare = called + numbered[0 if one.long else 1].format(at + 1)
+                column = (named[at] if named else "") or bare
+                stated = of_name(column if named else "", stating[at] if stating else None)
+                yield Track(column, stated, one.count, one.column(at, column)), one.unit is not None
 
 
-def _columns(one: Node, called: str, path: tuple[str, ...], beside: Sequence[Node]) -> Iterator[Channel]:
-    long, wide = one.dims[0] >= one.dims[1], min(one.dims)
-    if wide > MOST_TEXTS:
-        return
-    named = _texts(beside, _NAMES, wide)
-    units = _texts(beside, _UNITS, wide)
-    for column in range(wide):
-        bare = called + one.numbered[0 if long else 1].format(column + 1)
-        name = named[column] if named and named[column] else bare
-        unit = of_name(name if named else "", units[column] if units else None)
-        yield Channel(name, unit, (*path, one.name), one, column, max(one.dims))
-
-
-def _texts(nodes: Sequence[Node], wanted: re.Pattern[str], count: int) -> list[str] | None:
+def _texts(found: Variables, wanted: re.Pattern[str], count: int) -> list[str] | None:
     """The texts beside a matrix, one per column, in an array of a wanted name; None if there is none."""
-    for one in nodes:
-        texts = one.texts
-        if texts is not None and len(texts) == count and wanted.search(one.name):
-            return texts
-    return None
+    lists = (one for key, one in found.items() if isinstance(one, list) and wanted.search(key))
+    return next((one for one in lists if len(one) == count), None)
 
 
-def _units_by_name(nodes: Sequence[Node]) -> dict[str, str]:
+def _units_by_name(found: Variables, vectors: list[str]) -> dict[str, str]:
     """Units of vectors by their names, if two cell arrays beside them, or in a struct beside them, list both."""
-    vectors = {one.name for one in nodes if one.is_vector}
-    for place in (nodes, *(one.below for one in nodes if one.kind == "struct")):
-        lists = [(one.name, texts) for one in place if (texts := one.texts)]
-        units = next((texts for name, texts in lists if _UNITS.search(name)), [])
-        names = next((texts for name, texts in lists if _NAMES.search(name) and len(texts) == len(units)), [])
-        if not vectors.isdisjoint(names):
+    for place in (found, *(one for one in found.values() if isinstance(one, Mapping))):
+        units = next((one for key, one in place.items() if isinstance(one, list) and _UNITS.search(key)), [])
+        names = _texts(place, _NAMES, len(units)) or []
+        if not set(vectors).isdisjoint(names):
             return dict(zip(names, units, strict=True))
     return {}
 
 
-def _only_text(nodes: Sequence[Node], wanted: re.Pattern[str]) -> str | None:
-    return next((one.value for one in nodes if isinstance(one.value, str) and wanted.search(one.name)), None)
-
-
-def _rate(nodes: Sequence[Node]) -> float | None:
-    """The rate that a number among the nodes states [Hz]; None if there is none."""
+def _rate(found: Variables) -> float | None:
+    """The rate that a number among the variables states [Hz]; None if there is none."""
     for pattern, invert in ((_RATES, False), (_STEPS, True)):
-        for one in nodes:
-            value = one.value
-            if isinstance(value, float) and pattern.fullmatch(one.name) and np.isfinite(value) and value > 0:
+        for key, value in found.items():
+            if isinstance(value, float) and pattern.fullmatch(key) and np.isfinite(value) and value > 0:
                 return 1.0 / value if invert else value
     return None
-
-
-class Variables(Content):
-    """The channels of an open file of named variables; a format adds how the numbers of a channel are read.
-
-    Attributes
-    ----------
-    format : str
-        Name and version of the format.
-    notes : sequence of str
-        Statements on the file beside those of its variables.
-    in_parts : bool
-        Whether a part of a channel is read without the rest of it.
-    """
-
-    format: str
-    notes: Sequence[str] = ()
-    in_parts = False
-
-    def __init__(self, opened: OpenFile, variables: Sequence[Node]) -> None:
-        super().__init__(opened)
-        self._variables, self._channels = variables, list(channels_within(variables, (), None))
-        self.places = [("", one.name) for one in self._channels]
-        self._times: dict[tuple[tuple[str, ...], int | None], Part] = {}
-
-    def reader(self, one: Channel, /) -> Part:
-        """The function that reads a part of a channel."""
-        raise NotImplementedError
-
-    def info(self) -> FileInfo:
-        """The description of the file and its channels."""
-        times = {one.time.place: self._ends(one.time) for one in self._channels if one.time is not None}
-        signals = []
-        for one in self._channels:
-            ends = times[one.time.place] if one.time is not None else None
-            note = f"time from {tidy(one.time.name)}" if one.time else ""
-            signals.append(SignalInfo.timed(one.name, one.unit, "", one.count, rate=one.rate, ends=ends, note=note))
-        notes = list(self.notes)
-        notes += [f"{tidy(one.name)}: {tidy(one.value)}" for one in self._variables if one.value is not None][:20]
-        return FileInfo(self.format, tuple(signals), tuple(notes))
-
-    def _ends(self, time: Channel) -> tuple[float, float] | None:
-        """First and last time [s]; None if they are not finite, or their unit is none of time."""
-        scale, part = seconds(time.unit), self.reader(time)
-        if scale is None or not time.count:
-            return None
-        ends = float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
-        return (ends[0] * scale, ends[1] * scale) if np.isfinite(ends).all() else None
-
-    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
-        """The channels of a request; a format that does not read in parts holds all their samples in any case."""
-        return super().tracks(request, whole=whole or not self.in_parts)
-
-    def track(self, index: int) -> Track:
-        """A channel; those with the same times share the function that reads them."""
-        one, time = self._channels[index], self._channels[index].time
-        if time is not None and time.place not in self._times:
-            scale, values = time_scale(time.unit, time.name, self._name), self.reader(time)
-            self._times[time.place] = remembered(lambda first, last: scale * values(first, last))
-        seconds_of = None if time is None else self._times[time.place]
-        return Track(one.name, one.unit, one.count, self.reader(one), one.rate, 0.0, seconds_of)
