@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from scipy.io import savemat
 
@@ -244,3 +245,46 @@ def test_complex_cells_are_two_columns(tmp_path):
     cells = [f"({one.real:.9f}{one.imag:+.9f}j)" for one in K]
     found = read_k_star(written(tmp_path / "t.csv", ["f [Hz]", "Kstar [N/m]"], F, cells))
     np.testing.assert_allclose(found.stiffness, K, rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["records", "columns", "split", "npz", "mat", "h5", "parquet"])
+def test_labels_of_other_formats_tell_rows_apart(tmp_path, form):
+    names, both = ["A"] * F.size + ["B"] * F.size, np.concatenate([K, 2 * K])
+    columns = {
+        "sample": names,
+        "freq_hz": np.tile(F, 2),
+        "k_storage_n_mm": both.real / 1e3,
+        "k_loss_n_mm": both.imag / 1e3,
+    }
+    path = tmp_path / f"t.{form if form in ('npz', 'mat', 'h5', 'parquet') else 'json'}"
+    frame = pl.DataFrame(columns)
+    if form == "npz":
+        np.savez(path, **columns)
+    elif form == "mat":
+        savemat(path, {**columns, "sample": np.array(names, dtype=object)})
+    elif form == "h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for key, values in columns.items():
+                file[key] = values
+    elif form == "parquet":
+        frame.write_parquet(path)
+    else:
+        split = {"columns": frame.columns, "data": frame.rows()}
+        made = {"records": frame.to_dicts(), "columns": frame.to_dict(as_series=False), "split": split}[form]
+        path.write_text(json.dumps(made), encoding="utf-8")
+    found = read_measured(path)
+    assert found.tyres == ("A", "B")
+    np.testing.assert_allclose(found.conditions[1].own.stiffness, 2 * K, rtol=1e-9)
+
+
+def test_complex_arrays_of_matlab_of_version_7_3(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    cells = np.zeros((1, F.size), dtype=[("real", "f8"), ("imag", "f8")])
+    cells["real"], cells["imag"] = K.real, K.imag
+    with h5py.File(tmp_path / "t.mat", "w", userblock_size=512) as file:
+        for name, values in (("freq_hz", F[None]), ("K_n_per_m", cells)):
+            file[name] = values
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+    with (tmp_path / "t.mat").open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, made by a test".ljust(124) + bytes([0, 2]) + b"IM")
+    np.testing.assert_allclose(read_k_star(tmp_path / "t.mat").stiffness, K, rtol=1e-9)

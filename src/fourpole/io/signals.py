@@ -144,6 +144,10 @@ class Request:
     max_bytes: int
 
 
+#: A column of words: its group, its name and its cells.
+Words = tuple[str, str, list[str]]
+
+
 @dataclass(frozen=True)
 class Format:
     """A file format and its reader. By which first bytes it is recognised, `fourpole.io.known` says.
@@ -166,6 +170,8 @@ class Format:
     by_library : bool
         Whether a library reads the file, which a damaged file may crash or occupy: such a file is read in a worker
         process.
+    words : callable, optional
+        Takes path and label, and returns the columns of words, which are no channels.
     """
 
     name: str
@@ -174,3 +180,4 @@ class Format:
     read: Callable[[Request], Sequence[Signal]]
     blocks: Callable[[Request, int], Iterator[Sequence[Signal]]]
     by_library: bool = False
+    words: Callable[[Path, str], list[Words]] | None = None

@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, times_by
-from fourpole.io.signals import Request
+from fourpole.io.signals import Request, Words
 from fourpole.units import shown
 
 _TICKS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 #: Rows among which the first point in time is sought.
 _TO_FIRST = 1 << 20
+#: Rows of the longest column of words that is read.
+_MOST_WORDS = 100_000
 
 
 # --- units ---
@@ -236,4 +238,12 @@ def columns(scan: Any, opened: OpenFile, form: str, notes: dict[str, str], units
             tracks.append(replace(one, rate=rate, time=time, note=note))
     hidden = ("ARROW:schema", "pandas", "PANDAS_ATTRS")
     said = [f"{tidy(key, 60)}: {tidy(value)}" for key, value in notes.items() if key not in hidden]
-    return _Columns(form, tracks, said[:20], sample_bytes=24, scan=scan, name=opened.name, clock=timer)
+    texts = [one for one, kind in schema.items() if kind in (pl.String, pl.Categorical) or kind == pl.Enum]
+
+    def words() -> list[Words]:
+        if not texts or rows > _MOST_WORDS:
+            return []
+        cells = caught(scan.select(pl.col(texts).cast(pl.String).fill_null("")).collect)
+        return [("", one, cells[one].to_list()) for one in texts]
+
+    return _Columns(form, tracks, said[:20], sample_bytes=24, words=words, scan=scan, name=opened.name, clock=timer)

@@ -31,12 +31,15 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, refused, times_by, track_format
+from fourpole.io.signals import Words
 from fourpole.units import shown
 
 _STARTS = ("start", "t0", "offset", "start_offset")
 _NOTES = ("note", "comment", "description", "title", "long_name")
 _KNOWN = (*UNITS, *RATES, *STEPS, *_STARTS, *_NOTES, "time", "MATLAB_class", "MATLAB_empty")
 _MOST_OBJECTS = 100_000
+#: Why a dataset of texts or of structures is no channel, though it may be read.
+NO_NUMBERS = "holds no numbers"
 _FILTERS = frozenset({1, 2, 3, 4, 5, 6, 32000})
 
 
@@ -108,7 +111,7 @@ def why_barred(h5py: Any, dataset: Any) -> str:
     except (TypeError, ValueError, OSError, RuntimeError):
         return "is of a kind that is not known"
     if kind not in "fiu" or shape is None:
-        return "holds no numbers" if kind != "c" else "holds complex numbers"
+        return NO_NUMBERS if kind != "c" else "holds complex numbers"
     if dataset.size and not dataset.id.get_storage_size():
         return f"declares {dataset.size} samples and holds none"
     return ""
@@ -205,7 +208,14 @@ def _content(opened: OpenFile) -> Content:
     wide = [tidy(f"{one.group}/{one.name}".lstrip("/")) for one in every if not one.barred and not one.is_row]
     if wide:
         notes.append(f"not channels, since they are no single row: {', '.join(wide[:12])}")
-    return Content("HDF5", tracks, notes, closed=closed)
+
+    def words() -> list[Words]:
+        known = [one for one in every if one.barred == NO_NUMBERS]
+        texts = [one for one in known if h5py.check_string_dtype(one.dataset.dtype)]
+        short = [one for one in texts if len(one.dataset.shape) == 1 and one.dataset.size <= _MOST_OBJECTS]
+        return [(one.group, one.name, list(one.dataset.asstr()[()])) for one in short]
+
+    return Content("HDF5", tracks, notes, closed=closed, words=words)
 
 
 FORMAT = track_format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), "an HDF5 file", _content)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats.tracks import Content, OpenFile, track_format
-from fourpole.io.formats.variables import stated, table, tracks_in
+from fourpole.io.formats.variables import stated, table, tracks_in, words_in
 
 #: Largest file [byte], which is read whole.
 _MOST_BYTES = 100_000_000
@@ -69,8 +69,8 @@ def _variable(value: Any, name: str) -> Any:
         return float(value)
     if not isinstance(value, list) or not value:
         return value if isinstance(value, str) else None
-    if all(isinstance(one, str) for one in value):
-        return value
+    if any(isinstance(one, str) for one in value) and all(one is None or isinstance(one, str) for one in value):
+        return [one or "" for one in value]
     if isinstance(value[0], dict):
         return _variables(_columns(value), name)
     rows = [_numbers(one) if isinstance(one, list) else None for one in value]
@@ -87,11 +87,13 @@ def _content(opened: OpenFile) -> Content:
     """The channels of an open file."""
     value = _value(opened)
     columns = value if isinstance(value, dict) else _columns(value) if isinstance(value, list) else {}
+    if {"columns", "data"} <= columns.keys() and isinstance(columns["data"], list):  # as pandas splits a table
+        columns = dict(zip(map(str, columns["columns"]), _columns(columns["data"]).values(), strict=False))
     variables = _variables(columns, opened.name)
     tracks = tracks_in(variables, opened.name, (".{}", ".{}"))
     if not tracks:
         raise TableError(f'{opened.name}: holds no columns of numbers; name a file such as {{"t": [0, 1], ...}}')
-    return Content("JSON", tracks, stated(variables))
+    return Content("JSON", tracks, stated(variables), words=lambda: words_in(variables))
 
 
 FORMAT = track_format(

@@ -2,7 +2,7 @@
 
 A vector is called as in MATLAB, with the structs that hold it: `F1`, `data.F1`. A matrix gives a channel per column,
 counted from 1: `M[:,3]` is MATLAB's M(:,3). A matrix that is wider than long gives a channel per row, `M[3,:]`. A
-complex array of versions 5 to 7 gives two, `Re K` and `Im K`. Names, units and times are as `variables` says.
+complex array gives two, `Re K` and `Im K`. Names, units and times are as `variables` says.
 Objects, functions and tables of MATLAB are not read.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from fourpole.io.formats import hdf5
 from fourpole.io.formats.tracks import Content, OpenFile, Track, refused, track_format
-from fourpole.io.formats.variables import stated, table, tracks_in
+from fourpole.io.formats.variables import stated, table, tracks_in, words_in
 from fourpole.io.signals import Request
 
 _V73 = b"MATLAB 7.3 MAT-file"
@@ -53,6 +53,16 @@ def _is_text(values: Any) -> bool:
     return type(values) is np.ndarray and values.dtype.kind == "U" and values.size <= 1
 
 
+class _PartOf:
+    """The real or the imaginary part of a dataset of complex numbers."""
+
+    def __init__(self, dataset: Any, part: str) -> None:
+        self.shape, self._dataset, self._part = dataset.shape, dataset, part
+
+    def __getitem__(self, places: Any) -> Any:
+        return self._dataset[places][self._part]
+
+
 def _variables_73(h5py: Any, root: Any, every: Iterable[hdf5.Leaf], name: str) -> dict[str, Any]:
     """The variables of a file of version 7.3, which is HDF5, with the fields of structs below them."""
     top: dict[str, Any] = {}
@@ -62,6 +72,10 @@ def _variables_73(h5py: Any, root: Any, every: Iterable[hdf5.Leaf], name: str) -
         place = top
         for part in filter(None, leaf.group.split("/")):
             place = place.setdefault(part, {})
+        if leaf.barred == hdf5.NO_NUMBERS and leaf.dataset.dtype.names == ("real", "imag"):
+            parts = {f"{key} {leaf.name}": _PartOf(leaf.dataset, of) for key, of in (("Re", "real"), ("Im", "imag"))}
+            place |= {key: table(one, name, dims=tuple(reversed(one.shape))) for key, one in parts.items()}
+            continue
         place[leaf.name] = _variable_73(h5py, root, leaf.dataset, leaf.barred, name)
     return top
 
@@ -110,7 +124,8 @@ def _content(opened: OpenFile) -> Content:
         variables = _fields(((key, one) for key, one in loaded.items() if not key.startswith("__")), opened.name)
     tracks = tracks_in(variables, opened.name, ("[:,{}]", "[{},:]"))
     form = f"MATLAB {'7.3' if in_parts else '5'}"
-    return _Content(form, tracks, [*refused(closed), *stated(variables)], closed=closed)
+    notes = [*refused(closed), *stated(variables)]
+    return _Content(form, tracks, notes, closed=closed, words=lambda: words_in(variables))
 
 
 FORMAT = track_format("matlab", "MATLAB", (".mat",), "a MATLAB file", _content)

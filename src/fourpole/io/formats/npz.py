@@ -16,7 +16,7 @@ import numpy as np
 
 from fourpole.errors import TableError
 from fourpole.io.formats.tracks import Content, OpenFile, track_format
-from fourpole.io.formats.variables import stated, table, tracks_in
+from fourpole.io.formats.variables import stated, table, tracks_in, words_in
 from fourpole.units import shown
 
 _OBJECTS = "holds Python objects, which are never opened"
@@ -62,7 +62,8 @@ def _content(opened: OpenFile) -> Content:
     if isinstance(loaded, np.ndarray):
         found = _variable(loaded, opened.name)
         tracks = tracks_in(found if isinstance(found, dict) else {"": found}, opened.name, ("{}", "{}"))
-        return Content("NumPy", [replace(one, name=one.name or "1") for one in tracks])
+        named = [replace(one, name=one.name or "1") for one in tracks]
+        return Content("NumPy", named, words=lambda: words_in(found) if isinstance(found, dict) else [])
     archive, variables = opened.closing.enter_context(loaded), {}
     members = set(archive.zip.namelist())
     for key in archive.files:
@@ -74,7 +75,8 @@ def _content(opened: OpenFile) -> Content:
             notes.append(f"{shown(key)} {_OBJECTS}")
         else:
             variables[key] = _variable(stored if stored.dtype.kind in "fiub" else archive[key], opened.name)
-    return Content("NumPy", tracks_in(variables, opened.name, (".{}", ".{}")), [*notes, *stated(variables)])
+    tracks = tracks_in(variables, opened.name, (".{}", ".{}"))
+    return Content("NumPy", tracks, [*notes, *stated(variables)], words=lambda: words_in(variables))
 
 
 FORMAT = track_format("npz", "NumPy", (".npz", ".npy"), "a NumPy file", _content)

@@ -16,7 +16,7 @@ from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats.guard import afford, find, guard, guarded, need, tidy, time_scale
 from fourpole.io.known import BEGINS
-from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo, Words
 from fourpole.io.source import name_of
 from fourpole.units import shown
 
@@ -190,6 +190,8 @@ class Content:
         What is no channel, and why, for those who name it.
     sample_bytes : int [byte]
         Memory that each sample of a channel needs which is read whole.
+    words : callable
+        Returns the columns of words.
     """
 
     format: str
@@ -198,6 +200,7 @@ class Content:
     began: float | None = None
     closed: Sequence[Track] = ()
     sample_bytes: int = 16
+    words: Callable[[], list[Words]] = list
 
     def info(self) -> FileInfo:
         """The description of the file and its channels."""
@@ -256,4 +259,8 @@ def track_format(
         label = name_of(request.path, request.label)
         return guarded(chunks(request, rows, label), label, kind)
 
-    return Format(name, endings, survey, read, blocks, by_library=True)
+    def words(path: Path, label: str) -> list[Words]:
+        with guard(label, kind), opened(module, kind, path, label) as file:
+            return content(file).words()
+
+    return Format(name, endings, survey, read, blocks, by_library=True, words=words)

@@ -20,6 +20,7 @@ import numpy as np
 
 from fourpole.io.formats.guard import floats, is_time, of_name, tidy
 from fourpole.io.formats.tracks import Part, Track, times_by
+from fourpole.io.signals import Words
 
 _MOST_COLUMNS = 4096
 _RATES = re.compile(r"(?:fs|f_s|rate|sample_?rate|sampling_?rate|sampling_?frequency|samp_?freq)", re.IGNORECASE)
@@ -89,6 +90,16 @@ def table(values: Any, name: str, *, dims: tuple[int, ...] = (), unit: str | Non
 def tracks_in(found: Variables, name: str, numbered: tuple[str, str]) -> list[Track]:
     """The channels of a file; `numbered` are the endings of a column's and of a row's name, counted from 1."""
     return list(_within(found, (), None, name, numbered))
+
+
+def words_in(found: Variables, path: tuple[str, ...] = ()) -> list[Words]:
+    """The columns of words of a file: texts beside vectors of as many numbers."""
+    counts = {one.count for one in found.values() if isinstance(one, Table) and one.width == 1}
+    here = [
+        ("", ".".join((*path, key)), one) for key, one in found.items() if isinstance(one, list) and len(one) in counts
+    ]
+    inner = [words_in(one, (*path, key)) for key, one in found.items() if isinstance(one, Mapping)]
+    return [*here, *(one for several in inner for one in several)]
 
 
 def stated(found: Variables) -> list[str]:

@@ -123,7 +123,7 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
     found = read_apart(recorded, path, group, name, classes=(Signal,), label=name)
     if not found:
         raise TableError(f"{name}: holds no column of numbers that could be read; export its table as CSV")
-    return [_of_signals(signals, missing, name, inside) for inside, signals, missing in found]
+    return [_of_signals(signals, missing, words, name, inside) for inside, signals, missing, words in found]
 
 
 def _of_texts(text: str, group: str, label: str) -> list[Cells]:
@@ -157,13 +157,18 @@ def _of_sheets(sheets: dict[str, str], group: str, label: str) -> list[Cells]:
     return [found[at] for at in in_group([(one.group, "") for one in found], group, label)]
 
 
-def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal], list[str]]]:
-    """Channels of equal length of each group of a recording, and the names of those that cannot be read."""
+#: Channels of equal length of a group, names of those that cannot be read, and columns of words, by name.
+_Recorded = tuple[str, list[Signal], list[str], dict[str, list[str]]]
+
+
+def recorded(path: Path, group: str, label: str) -> list[_Recorded]:
+    """The columns of each group of a recording."""
     info = survey(path, max_bytes=MAX_FILE_BYTES, label=label)
     kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
     places = [(one.group, one.name) for one in info.signals]
     chosen = in_group(places, group, label)[:_MOST_COLUMNS]
     result = []
+    words = [] if kind.words is None else kind.words(path, label)
 
     def alike(at: int) -> tuple[str, int]:
         return info.signals[at].group, info.signals[at].count
@@ -182,17 +187,23 @@ def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal]
             else:
                 signals += got
         if signals:
-            result.append((inside, signals, lost))
+            count = signals[0].samples.size
+            beside = {name: cells for at, name, cells in words if at == inside and len(cells) == count}
+            result.append((inside, signals, [one for one in lost if one not in beside], beside))
     return result
 
 
-def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, group: str) -> Cells:
+def _of_signals(
+    signals: Sequence[Signal], lost: Sequence[str], words: dict[str, list[str]], label: str, group: str
+) -> Cells:
     columns = []
     heads = [_innermost(one.name) for one in signals]
     heads = heads if len({*heads}) == len(heads) else [one.name for one in signals]
     for head, one in zip(heads, signals, strict=True):
         name, unit = head_and_unit(head, one.unit)
         columns.append(Column(one.name, name, unit, one.samples))
+    blank = np.full(signals[0].samples.size, np.nan)
+    columns += [Column(_innermost(one), _innermost(one), None, blank, words=tuple(words[one])) for one in words]
     remarks = [f"column '{one}' holds no numbers and was left out" for one in lost]
     return Cells(label, group, tuple(columns), list(range(1, signals[0].samples.size + 1)), tuple(remarks))
 
