@@ -42,7 +42,7 @@ _NUMBERS = re.compile(r"[^A-DF-Za-df-z0-9\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\
 _SIGNS = re.compile(r"[|=&<>]+")
 #: Share of the cells of a row of units that are known units.
 _KNOWN_UNITS = 0.5
-_UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
+_UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\((?![+-]?[0-9.]+[+-])[^()]*\)")
 
 
 @dataclass(frozen=True)
