@@ -236,8 +236,7 @@ def widened(
     """The problem with further shared values of size 0, its triangle at a solution, and the slope of log K*."""
     e = len(extra)
     wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
-    before = np.concatenate([solution.slope, np.zeros((*solution.slope.shape[:2], e))], axis=2)
-    triangle, _, _, own = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, before, e)
+    triangle, _, _, own = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, solution.slope, e)
     return wide, triangle, own[1]
 
 
@@ -345,7 +344,7 @@ def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
 def is_negligible(problem: Problem, parameter: SharedParameter, size: float) -> bool:
     """Whether an error of a channel or a part of the rig is smaller than any laboratory could state it."""
     if parameter.source.of_channel:
-        return bool(abs(size) * np.abs(problem.observed.turns[..., parameter.index]).max() < NEGLIGIBLE)
+        return bool(abs(size) * np.abs(problem.observed.turns[:, parameter.index]).max() < NEGLIGIBLE)
     whole = wholes(problem).get(parameter.source.of)
     return whole is not None and abs(size) < NEGLIGIBLE * whole
 
