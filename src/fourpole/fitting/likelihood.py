@@ -123,8 +123,8 @@ def likelihood_columns(found: Likelihood) -> dict[str, np.ndarray]:
     )  # fmt: skip
     counts = (conditions.label, family, observed.specimen, observed.part_of_run)
     amplitudes = np.stack([observed.amplitudes.real, observed.amplitudes.imag], axis=2).reshape(-1, 6)
-    turns = observed.turns_of_all
-    turns = np.stack([turns.real, turns.imag], axis=3).reshape(len(tyre), -1)
+    whole = observed.turns_of_all
+    turns = np.stack([whole.real, whole.imag], axis=3).reshape(len(tyre), -1)
     columns = dict(zip((one.head for one in (*_COUNTS, *_NUMBERS)), (*counts, *numbers), strict=True))
     columns |= zip(_PARTS, amplitudes.T, strict=True)
     columns |= {q.STORAGE.head: stiffness.real, q.LOSS.head: stiffness.imag}

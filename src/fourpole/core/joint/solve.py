@@ -351,7 +351,7 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
 
 
 def reduced(
-    problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray, free: int = 0
+    problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray, free: int = 0, *, slopes: bool = True
 ) -> tuple[FloatArray, float, float, tuple[FloatArray, FloatArray, FloatArray]]:
     """All tests reduced to a triangle of the shared values and the residual, with K* of each condition projected out.
 
@@ -363,6 +363,8 @@ def reduced(
         Slope of log K* by the first q shared values from a step before, or 0.
     free : int
         Number of the last shared values whose statement counts for little here.
+    slopes : bool
+        Whether the slopes are asked for; without them no memory is taken for them.
 
     Returns
     -------
@@ -388,7 +390,9 @@ def reduced(
             starts = conditions.starts[group] - rows.start
             roots[group], share, columns = without_stiffness(linear.by_stiffness, columns, starts)
             moved = roots[group] @ share
-            slope[group], own_step[group] = moved[:, :, :p], moved[:, :, p]
+            own_step[group] = moved[:, :, p]
+            if slopes:
+                slope[group] = moved[:, :, :p]
         triangle = with_columns(triangle, columns, 0.0 if free else _REGULAR)
     return triangle, objective, weigh, (roots, slope, own_step)
 
