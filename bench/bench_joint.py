@@ -28,7 +28,7 @@ SIZES = {1_000: 5, 10_000: 3, 100_000: 1}
 #: Tests -> most times as long as a tenth of them takes.
 LINEAR = {10_000: 11.0, 100_000: 13.0}
 #: Tests -> most memory that the process ever has [bytes].
-MOST_MEMORY = {10_000: 0.5e9, 100_000: 1e9}
+MOST_MEMORY = {10_000: 0.3e9, 100_000: 0.6e9}
 NOTES = f"""Tests of many tyres, 10 frequencies each, with 0 and 10 kg added; sensors known to 3 % and 1 degree, m and
 K3 to 2 %, noise 1e-4; 10 shared values. 'solve': solve_joint, from amplitudes to the most probable values,
 the rig judged; 'outputs': K*, K2, C, TR of each test with all covariances. Each size in a process of its

@@ -81,7 +81,7 @@ def _without_error(likelihood: Likelihood, source: Source, value: float, std: fl
     kept = tuple(one for one in shared.parameters if one.source != source)
     shared = replace(shared, parameters=(*kept, SharedParameter(source, "1", error, 0.0, std)))
     observed = problem.observed
-    true = observed.amplitudes * np.exp(-observed.turns[:, :, error] * value)
+    true = observed.amplitudes * np.exp(-observed.turns_of_all[:, :, error] * value)
     problem = replace(problem, observed=replace(observed, amplitudes=true), shared=shared)
     found = solve(problem, likelihood.stiffness)
     return Likelihood(problem, found.z, found.stiffness)

@@ -96,7 +96,10 @@ def likelihood_of(joint: Joint) -> Likelihood:
     problem = replace(
         problem,
         observed=replace(
-            observed, turns=observed.turns[:, :, kept], frequency_std=np.zeros(observed.omega.size)
+            observed,
+            turns=observed.turns[:, kept],
+            disturbed=observed.disturbed[:, kept],
+            frequency_std=np.zeros(observed.omega.size),
         ),
         shared=replace(shared, parameters=parameters),
         errors=tuple(problem.errors[at] for at in kept),
@@ -120,7 +123,8 @@ def likelihood_columns(found: Likelihood) -> dict[str, np.ndarray]:
     )  # fmt: skip
     counts = (conditions.label, family, observed.specimen, observed.part_of_run)
     amplitudes = np.stack([observed.amplitudes.real, observed.amplitudes.imag], axis=2).reshape(-1, 6)
-    turns = np.stack([observed.turns.real, observed.turns.imag], axis=3).reshape(len(tyre), -1)
+    whole = observed.turns_of_all
+    turns = np.stack([whole.real, whole.imag], axis=3).reshape(len(tyre), -1)
     columns = dict(zip((one.head for one in (*_COUNTS, *_NUMBERS)), (*counts, *numbers), strict=True))
     columns |= zip(_PARTS, amplitudes.T, strict=True)
     columns |= {q.STORAGE.head: stiffness.real, q.LOSS.head: stiffness.imag}
@@ -189,6 +193,8 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
     for one in parameters:
         if not 0 <= one.index < (len(errors) if one.source.of_channel else _MOST_SHARED):
             raise ValueError(f"{one.source.text} has the index {one.index}")
+    turns = _complex(_lists(frame, q.TURNS.head, 6 * len(errors))).reshape(-1, 3, len(errors))
+    channels = np.argmax(np.any(turns, axis=0), axis=0).astype(np.int8)  # each error disturbs one channel
     observed = Observed(
         omega=2 * np.pi * frequency,
         frequency_std=np.zeros(frequency.size),
@@ -196,7 +202,8 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         whiten=_lists(frame, q.WEIGHTS.head, 36).reshape(-1, 6, 6),
         mass_at=np.where(mass == 0, -1, np.searchsorted(masses, mass)),
         rigid=label < 0,
-        turns=_complex(_lists(frame, q.TURNS.head, 6 * len(errors))).reshape(-1, 3, len(errors)),
+        turns=turns[:, channels, np.arange(len(errors))],
+        disturbed=np.broadcast_to(channels, (len(turns), len(errors))),
         specimen=specimen,
         place=place,
         part_of_run=part_of_run,

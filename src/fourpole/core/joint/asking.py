@@ -218,7 +218,7 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
               if source.role is not Role.TEST and source not in alike]  # fmt: skip
     extra = [parameter for group in groups for parameter in group.parameters]
     p, e = len(problem.shared), len(extra)
-    triangle = widened(problem, solution, extra)[1]
+    triangle = widened(problem, solution, extra, slopes=False)[1]
     block, target = triangle[p : p + e, p : p + e], triangle[p : p + e, -1]
     first, gains = 0, []
     for group in groups:
@@ -231,13 +231,13 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
 
 
 def widened(
-    problem: Problem, solution: Solution, extra: Sequence[SharedParameter]
+    problem: Problem, solution: Solution, extra: Sequence[SharedParameter], *, slopes: bool = True
 ) -> tuple[Problem, FloatArray, FloatArray]:
-    """The problem with further shared values of size 0, its triangle at a solution, and the slope of log K*."""
+    """The problem with further shared values of size 0, its triangle at a solution, and the slope of log K* or 0."""
     e = len(extra)
     wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
-    before = np.concatenate([solution.slope, np.zeros((*solution.slope.shape[:2], e))], axis=2)
-    triangle, _, _, own = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, before, e)
+    z = np.append(solution.z, np.zeros(e))
+    triangle, _, _, own = reduced(wide, z, solution.stiffness, solution.slope, e, slopes=slopes)
     return wide, triangle, own[1]
 
 
@@ -345,7 +345,7 @@ def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
 def is_negligible(problem: Problem, parameter: SharedParameter, size: float) -> bool:
     """Whether an error of a channel or a part of the rig is smaller than any laboratory could state it."""
     if parameter.source.of_channel:
-        return bool(abs(size) * np.abs(problem.observed.turns[..., parameter.index]).max() < NEGLIGIBLE)
+        return bool(abs(size) * np.abs(problem.observed.turns[:, parameter.index]).max() < NEGLIGIBLE)
     whole = wholes(problem).get(parameter.source.of)
     return whole is not None and abs(size) < NEGLIGIBLE * whole
 

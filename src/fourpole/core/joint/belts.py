@@ -209,7 +209,7 @@ def linear_gain(problem: Problem, solution: Solution, bodies: Mapping[str, Body]
     rest = [row for row in wide.shared.parameters[len(problem.shared) :] if row.source.kind is not Kind.BELT_MASS]
     at = replace(problem, observed=wide.observed)
     p, e = len(problem.shared), len(extra)
-    triangle = widened(at, solution, [*extra, *rest])[1]
+    triangle = widened(at, solution, [*extra, *rest], slopes=False)[1]
     return gain_of(triangle[p : p + e, p : p + e], triangle[p : p + e, -1], Group("belt", tuple(extra), 1.0))[0]
 
 

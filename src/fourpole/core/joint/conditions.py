@@ -153,23 +153,23 @@ class JointConditions:
         ratio[here] = np.where(use, by_arm, ratio[here])
         return ratio
 
-    def lead(self, slope: FloatArray) -> FloatArray:
+    def lead(self, slope: FloatArray, rows: slice, group: slice) -> FloatArray:
         """Derivative of log `carried` by the shared values, through K* of the neighbouring conditions.
 
         Parameters
         ----------
         slope : (count, 2, p) float array
             Fall of Re and Im of log K* of each condition per unit of the shared values.
+        rows, group : slice
+            Some tests with a tyre, which are all tests of some conditions.
 
         Returns
         -------
-        (N, 2, p) float array
-            0 for tests without a tyre, and for tests at the mean frequency of their condition.
+        (n, 2, p) float array
+            0 for tests at the mean frequency of their condition.
         """
-        lead = np.zeros((self.label.size, *slope.shape[1:]))
-        if self.count:
-            lead[self.first :] = -self._slopes(slope)[self.label[self.first :]] * self._apart[:, None, None]
-        return lead
+        apart = self._apart[rows.start - self.first : rows.stop - self.first]
+        return -self._slopes(slope, group)[self.label[rows] - group.start] * apart[:, None, None]
 
     def off_curve(self, values: FloatArray) -> FloatArray:
         """Values (N,) less the curve through the medians of the neighbouring conditions; 0 for tests without a tyre."""
@@ -186,7 +186,7 @@ class JointConditions:
         power = values[label] * np.exp(self._slopes(np.log(values))[label] * self._apart)
         return np.where(np.isfinite(power), power, values[label] + self._slopes(values)[label] * self._apart)
 
-    def _slopes(self, values: np.ndarray) -> np.ndarray:
-        """Slope of each condition's value by log frequency, over its neighbours in the family; 0 without neighbours."""
-        span = self._span.reshape(-1, *[1] * (values.ndim - 1))
-        return np.asarray((values[self._above] - values[self._below]) / span)
+    def _slopes(self, values: np.ndarray, group: slice = slice(None)) -> np.ndarray:
+        """Slopes of the values of some conditions by log frequency, over their neighbours in the family; 0 without."""
+        span = self._span[group].reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((values[self._above[group]] - values[self._below[group]]) / span)

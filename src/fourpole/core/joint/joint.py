@@ -145,11 +145,13 @@ def solve_joint(
     if np.sum(np.abs(deflection) > _UNLIKE) < _FEWEST_UNLIKE:
         # A deflection that changes with frequency alone cannot be distinguished from the slope of K* over frequency.
         deflection = np.zeros(count)
+    sources = tuple(error.source for error in errors)
+    del errors  # their turns are those of `observed`
     problem = Problem(
         replace(observed, deflection=deflection),
         conditions,
         stated,
-        tuple(error.source for error in errors),
+        sources,
         tuple(names.tolist()),
         tuple(possible),
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,

@@ -49,8 +49,10 @@ class Observed(ByRows):
         Index of the distinct mass that is fixed to the moving mass; -1 for none.
     rigid : (N,) bool array
         True for a rigid block in place of the tyre.
-    turns : (N, 3, e) complex array
-        Change of the logarithm of each amplitude per unit of each error of the channels.
+    turns : (N, e) complex array
+        Change of the logarithm of the amplitude of the disturbed channel per unit of each error of the channels.
+    disturbed : (N, e) int array
+        Number of the channel that each error disturbs, the same in all rows.
     specimen : (N,) int array
         Number of the specimen of each test.
     place : (N,) float array [1]
@@ -75,6 +77,7 @@ class Observed(ByRows):
     mass_at: np.ndarray
     rigid: BoolArray
     turns: ComplexArray
+    disturbed: np.ndarray
     specimen: np.ndarray
     place: FloatArray
     part_of_run: np.ndarray
@@ -97,9 +100,10 @@ class Observed(ByRows):
         present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
         whiten = whitening(phasors.covariance, amplitudes, present)
-        turns = np.zeros((len(amplitudes), 3, len(errors)), dtype=complex)
+        turns = np.zeros((len(amplitudes), len(errors)), dtype=complex)
         for index, error in enumerate(errors):
-            turns[:, error.channel, index] = error.turn
+            turns[:, index] = error.turn
+        disturbed = np.broadcast_to(np.array([error.channel for error in errors], dtype=np.int8), turns.shape)
         none = np.zeros(len(amplitudes), dtype=int)
         specimen, place, part_of_run = run or (none, none.astype(float), none)
         with np.errstate(divide="ignore"):
@@ -108,7 +112,17 @@ class Observed(ByRows):
         deflection = np.where(known, size - np.mean(size, where=known) if known.any() else 0.0, 0.0)
         no_belt = (specimen, np.ones(len(amplitudes), dtype=complex), np.zeros(len(amplitudes), dtype=bool))
         more = (specimen, place, part_of_run, deflection, *no_belt)
-        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *more)
+        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, disturbed, *more)
+
+    @property
+    def channels(self) -> np.ndarray:
+        """Number of the channel that each error (e,) disturbs."""
+        return self.disturbed[0] if len(self.disturbed) else np.zeros(self.disturbed.shape[1], dtype=int)
+
+    @property
+    def turns_of_all(self) -> ComplexArray:
+        """Change (N, 3, e) of the logarithm of each amplitude per unit of each error of the channels."""
+        return np.where(self.channels == np.arange(3)[:, None], self.turns[:, None], 0.0)
 
     def added(self, masses: FloatArray) -> FloatArray:
         """Added mass of each test (N,) [kg], from the distinct masses [kg]."""
@@ -116,7 +130,8 @@ class Observed(ByRows):
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
-        turned = self.turns @ shared.of_channels(z, self.turns.shape[-1])
+        of = shared.of_channels(z, self.turns.shape[-1])
+        turned = self.turns @ np.where(self.channels[:, None] == np.arange(3), of[:, None], 0.0)
         return np.asarray(np.exp(np.clip(turned.real, -_LARGE, _LARGE) + 1j * turned.imag))
 
     def block(self, shared: Shared) -> np.ndarray:
@@ -187,9 +202,10 @@ def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArr
     kept[:, diagonal, diagonal] += np.where(both, (FLOOR * np.repeat(np.abs(amplitudes), 2, axis=-1)) ** 2, 1.0)
     # The matrix is scaled to a unit diagonal first, because forces and velocities differ much in size.
     scale = 1.0 / np.sqrt(kept[:, diagonal, diagonal])
-    factor = np.linalg.cholesky(kept * scale[:, :, None] * scale[:, None, :])
-    inverse = np.linalg.inv(factor) * scale[:, None, :]
-    return np.where(both[:, :, None], inverse, 0.0)
+    kept *= scale[:, :, None] * scale[:, None, :]
+    inverse = np.linalg.inv(np.linalg.cholesky(kept))
+    inverse *= np.where(both[:, :, None], scale[:, None, :], 0.0)
+    return np.asarray(inverse)
 
 
 #: Fields of `Linear` in the four directions that no drive changes.
@@ -403,9 +419,10 @@ def _by_channels(linear: Linear) -> ComplexArray:
     observed, shared, predicted = linear.observed, linear.shared, linear.predicted
     of = shared.of_channel
     change = np.zeros((len(predicted), 3, len(shared)), dtype=complex)
-    if of.any():
-        turns = np.take(observed.turns, np.where(of, shared.index, 0), axis=2)
-        change = turns * (predicted[:, :, None] * np.where(of, shared.std, 0.0))
+    places = np.flatnonzero(of)
+    index = shared.index[places]
+    channels = observed.channels[index]
+    change[:, channels, places] = observed.turns[:, index] * (predicted[:, channels] * shared.std[places])
     for place in shared.of_input_mass:
         drive = linear.gains[:, 0] * linear.drive
         change[:, 0, place] = shared.parameters[place].std * 1j * observed.omega * drive

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,10 +94,9 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     k1 = np.broadcast_to(np.asarray(k1, dtype=float), omega.shape)
     own = own_tests(problem, solution).part(back)
     stiffness, slope = _own_stiffness(joint, own)
-    linear = [part for _, _, part in problem.linearised(solution.z, solution.stiffness)]
-    impedance, impedance_by = (
-        np.concatenate([getattr(part, name) for part in linear])[back] for name in ("impedance", "impedance_by_shared")
-    )
+    linear = problem.linearised(solution.z, solution.stiffness)
+    found = zip(*((part.impedance, part.impedance_by_shared) for _, _, part in linear), strict=True)
+    impedance, impedance_by = (np.concatenate(column)[back] for column in found)
     with np.errstate(divide="ignore", invalid="ignore"):
         by_log_k = stiffness[:, None] * np.array([1.0, 1j])
         by_k = parts(by_log_k, axis=1)
@@ -108,7 +107,9 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         by_arm = arm_slopes(stiffness, k1, (k2, c), omega, by)
         curvature = Curvature.of(stiffness, k1, omega)
         bending = curvature.by(by)
-        observed = problem.observed.part(back)
+        held = problem.observed
+        light = {name: getattr(held, name)[:, :0] for name in ("whiten", "turns", "disturbed")}  # are not asked here
+        observed = replace(held, **light).part(back)
         ends, jw = observed.ends(problem.shared, solution.z, stiffness), 1j * omega
         beyond = impedance + jw * ends.wheel
         ratio = ends.spring / (ends.spring + jw * beyond)
@@ -154,7 +155,9 @@ def _own_stiffness(joint: Joint, own: OwnTests) -> tuple[ComplexArray, FloatArra
         complex(np.nan, np.nan),
         _per_test(joint, solution.stiffness, np.nan) * moved[back] * np.exp(own.shift @ [1, 1j]),
     )
-    slope = _per_test(joint, solution.slope, 0.0) - problem.conditions.lead(solution.slope)[back]
+    slope, conditions = _per_test(joint, solution.slope, 0.0), problem.conditions
+    tyre = slice(conditions.first, back.size)
+    slope[joint.order[tyre]] -= conditions.lead(solution.slope, tyre, slice(0, conditions.count))
     slope = own.keep @ slope - own.by_shared - problem.observed.by_drift(problem.shared)[back]
     return stiffness, slope
 
@@ -269,10 +272,11 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
     by[:, 0], by[:, 1] = -mobility / phasors.force_in, -1j * mobility / phasors.force_in
     by[:, 2], by[:, 3] = mobility / phasors.motion_in, 1j * mobility / phasors.motion_in
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
-    turns = joint.problem.observed.turns[np.argsort(joint.order)]
+    observed, back = joint.problem.observed, np.argsort(joint.order)
+    sign = np.array([1.0, -1.0, 0.0])[observed.channels]  # of F1 over V1
     for index, parameter in enumerate(shared.parameters):
         if parameter.source.of_channel:
-            turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
+            turn = observed.turns[back, parameter.index] * sign[parameter.index]
             by_z[:, index] = mobility * turn * parameter.std
     noise, rest = parts(by, axis=1), parts(by_z, axis=1)
     covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)

@@ -103,7 +103,7 @@ def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
     for index, source in enumerate(problem.errors):
         if source.kind is Kind.CROSSTALK:
             other, channel = (symbols.index(symbol) for symbol in source.of.split(" in "))
-            turns[:, channel, index] = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
+            turns[:, index] = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
     return replace(problem, observed=replace(observed, turns=turns))
 
 

@@ -225,9 +225,7 @@ def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> list[
     if conditions.count:
         stiffness[here] = (solution.stiffness[conditions.label] * conditions.carried(solution.stiffness))[here]
     stiffness = stiffness * np.exp(shift @ [1, 1j])
-    parts = [
-        linearise(problem.observed.part(rows), problem.shared, solution.z, stiffness[rows])
-        for rows, _ in problem.chunks()
-    ]
-    names = ("by_stiffness", "residual", "by_shared", "basis")
-    return [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+    made = (linearise(problem.observed.part(rows), problem.shared, solution.z, stiffness[rows])
+            for rows, _ in problem.chunks())  # fmt: skip
+    parts = [(part.by_stiffness, part.residual, part.by_shared, part.basis) for part in made]
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]

@@ -15,8 +15,9 @@ from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.sources import Source
 
-#: Number of tests in a chunk, which bounds the memory.
-_CHUNK = 4096
+#: Number of tests in a chunk, which stays in the cache of the processor and bounds the memory; of no more tests than
+#: `_KEPT` the linearised model is kept.
+_CHUNK, _KEPT = 2048, 4096
 #: Rows of a block in the first step of a QR decomposition.
 _BLOCK = 4 * 64
 #: Weight of a statement that counts for little; without any, columns that are alike have no decomposition.
@@ -131,7 +132,7 @@ class Problem(ByValue):
     def linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
         """The linearised model of each chunk at shared values z and K* of each condition.
 
-        That of no more tests than a chunk has is kept for the next call: a solution is examined several times.
+        That of few tests is kept for the next call: a solution is examined several times.
         """
         if self._kept and np.array_equal(self._kept[0], z) and np.array_equal(self._kept[1], stiffness):
             yield from self._kept[2]
@@ -140,10 +141,10 @@ class Problem(ByValue):
         for rows, group in self.chunks():
             own = stiffness[label[rows]] * carried[rows] if group.stop else np.ones(rows.stop - rows.start, complex)
             linear = linearise(self.observed.part(rows), self.shared, z, own).scattered(spread[rows])
-            if label.size <= _CHUNK:
+            if label.size <= _KEPT:
                 parts.append((rows, group, linear))
             yield rows, group, linear
-        if label.size <= _CHUNK:
+        if label.size <= _KEPT:
             self._kept[:] = [z.copy(), stiffness.copy(), parts]
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
@@ -350,7 +351,7 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
 
 
 def reduced(
-    problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray, free: int = 0
+    problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray, free: int = 0, *, slopes: bool = True
 ) -> tuple[FloatArray, float, float, tuple[FloatArray, FloatArray, FloatArray]]:
     """All tests reduced to a triangle of the shared values and the residual, with K* of each condition projected out.
 
@@ -358,10 +359,12 @@ def reduced(
     ----------
     problem, z, stiffness
         The tests, and the point at which they are linear.
-    before : (c, 2, p) float array
-        Slope of log K* by the shared values from a step before, or 0.
+    before : (c, 2, q) float array
+        Slope of log K* by the first q shared values from a step before, or 0.
     free : int
         Number of the last shared values whose statement counts for little here.
+    slopes : bool
+        Whether the slopes are asked for; without them no memory is taken for them.
 
     Returns
     -------
@@ -372,29 +375,26 @@ def reduced(
     own : tuple of (c, 2, 2), (c, 2, p) and (c, 2) float arrays
         For each K*: the inverse of its own triangle, its slope by the shared values, and its step for known ones.
     """
-    p = len(problem.shared)
-    lead = problem.conditions.lead(before) if problem.conditions.is_apart else None
+    p, conditions = len(problem.shared), problem.conditions
     triangle = np.hstack([np.diag(np.append(np.ones(p - free), np.full(free, _LITTLE))), -z[:, None]])
     objective, weigh = float(z @ z), 0.0
-    roots: list[FloatArray] = [np.zeros((0, 2, 2))]
-    slopes: list[FloatArray] = [np.zeros((0, 2, p))]
-    own_steps: list[FloatArray] = [np.zeros((0, 2))]
+    roots, slope, own_step = (np.zeros((conditions.count, *shape)) for shape in ((2, 2), (2, p), (2,)))
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
         if linear.weigh is not None:
             weigh += float(np.sum(np.linalg.slogdet(linear.weigh)[1]))
         columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
-        if lead is not None:
-            columns[:, :, :p] += linear.by_stiffness @ lead[rows]
         if group.stop > group.start:
-            starts = problem.conditions.starts[group] - rows.start
-            root, share, columns = without_stiffness(linear.by_stiffness, columns, starts)
-            moved = root @ share
-            roots.append(root)
-            slopes.append(moved[:, :, :p])
-            own_steps.append(moved[:, :, p])
+            if conditions.is_apart:
+                columns[:, :, : before.shape[2]] += linear.by_stiffness @ conditions.lead(before, rows, group)
+            starts = conditions.starts[group] - rows.start
+            roots[group], share, columns = without_stiffness(linear.by_stiffness, columns, starts)
+            moved = roots[group] @ share
+            own_step[group] = moved[:, :, p]
+            if slopes:
+                slope[group] = moved[:, :, :p]
         triangle = with_columns(triangle, columns, 0.0 if free else _REGULAR)
-    return triangle, objective, weigh, (np.concatenate(roots), np.concatenate(slopes), np.concatenate(own_steps))
+    return triangle, objective, weigh, (roots, slope, own_step)
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray, regular: float = _REGULAR) -> FloatArray:
