@@ -119,7 +119,8 @@ def run_info(file: Path, options: InfoOptions) -> Answer:
         rows.append(_Row(found.signals[at], *((None, one) if isinstance(one, str) else (one,))))
     head = {"file": file.name, "format": found.format, "notes": found.notes}
     read = len(shown) if options.quick else len(some)
-    table = [] if options.quick or options.channel or _is_long(found) else _table_in(file)
+    whole = not (options.quick or options.channel or options.group)
+    table = _table_in(file) if whole and not _is_long(found) else []
     parts = (*_shown(file, found, rows, options, read), *(_motion(*motion) if motion is not None else ()), *table)
 
     def document() -> dict[str, Any]:
