@@ -14,7 +14,7 @@ def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     progress = re.compile(r"[a-z ]+: \d+ of \d+, about \d+ \w+ left")  # a slow machine has a line now and then
     said = [line for line in ran.stderr.splitlines() if not progress.fullmatch(line)]
     assert said
-    assert all(": Put back: " in line and "100 %" in line for line in said)
+    assert all(": Put back: " in line and not line.startswith("warning") for line in said)
     first, title, heads, *rows, words, report = ran.stdout.splitlines()
     assert first == (
         "Virtual campaign in fourpole-demo (seed 1982): 137 tests, 137 ok, 0 with a warning, 0 rejected; "
