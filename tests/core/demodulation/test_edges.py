@@ -9,7 +9,7 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
-from fourpole.core.demodulation import demodulate, halves, sinefit, spectrum, spoilt, steady, tracks, wander
+from fourpole.core.demodulation import demodulate, halves, spectrum, spoilt, steady, tracks, wander
 from fourpole.core.demodulation.spectrum import Line
 from fourpole.core.recording import Recording
 from fourpole.errors import RecordingError
@@ -227,14 +227,6 @@ def half(condition):
     return bool(np.isfinite(halves._amplitudes(fit, np.diag([condition, 1.0])[None], np.ones((1, 2, 1)))[0, 0]))
 
 
-def small(turn, line=0.0):
-    """Whether a step of the frequencies is small, by its second order and by what it leaves of a line, in u."""
-    fit = SimpleNamespace(harmonics=1, sines=np.zeros(2), omega=1e12, lines=np.array([1e9]), shift=np.zeros(2))
-    fit.track, fit.variance = SimpleNamespace(time=np.zeros(2), exact_rate=1.0, known=2), np.ones(1)
-    fit.coefficients = np.array([[1.0], [0.0], [0.0], [0.0]])
-    return sinefit._is_small(fit, np.array([np.sqrt(6 * turn), 10 * line]), np.sqrt(2.0))
-
-
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "shortest recording, 3 cycles": (taken(cycles), {2.97: False, 3.03: True}),
@@ -300,8 +292,6 @@ EDGES = {
     "wander that matters, 3 u": (changed, {2.97: False, 3.03: True}),
     "wander that matters, half of the uncertainty": (lambda x: changed(1.5, x), {1.98: False, 2.02: True}),
     "part of a recording, condition number of 10": (half, {9.9: True, 10.1: False}),
-    "step of a frequency, 0.03 % of u by its second order": (small, {2.97e-4: True, 3.03e-4: False}),
-    "step of a line, 0.1 % of u": (lambda x: small(0.0, x), {0.99e-3: True, 1.01e-3: False}),
 }  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -32,7 +31,7 @@ def changes_of(fits: Sequence[SineFit], places: Sequence[int]) -> tuple[FloatArr
         Relative change of the speed of V1.
     """
     changes = np.full((3, 2), np.nan)
-    quarters = [_products(fit) for fit in fits]
+    quarters = [fit.rows.quarters(fit.residual) for fit in fits]
     pairs = [[rows[0::2] + rows[1::2] for rows in products] for products in quarters]
     halves = np.concatenate([_amplitudes(fit, *products) for fit, products in zip(fits, pairs, strict=True)])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -43,19 +42,6 @@ def changes_of(fits: Sequence[SineFit], places: Sequence[int]) -> tuple[FloatArr
     time = fits[0].track.time
     speed = float(np.diff(turned)[0] / (fits[0].omega * 0.25 * (time[-1] - time[0])))
     return changes, speed
-
-
-def _products(fit: SineFit) -> tuple[FloatArray, FloatArray]:
-    """Inner products of the fundamental's two rows, with themselves and with the residual, in the quarters of a
-    recording: (4, 2, 2), (4, 2, channels).
-    """
-    carrier = fit.rows.carrier()
-    pair = np.stack([carrier.real, -carrier.imag])
-    if fit.dof + fit.size < pair.shape[1]:
-        pair *= fit.track.present
-    edges = np.linspace(0, pair.shape[1], 5).astype(int).tolist()
-    parts = [(pair[:, low:high], fit.residual[:, low:high]) for low, high in pairwise(edges)]
-    return np.stack([rows @ rows.T for rows, _ in parts]), np.stack([rows @ left.T for rows, left in parts])
 
 
 def _amplitudes(fit: SineFit, normal: FloatArray, right: FloatArray) -> ComplexArray:

@@ -31,8 +31,6 @@ _HANN_LEVER, _STEPS = 1 / 12 - 1 / (2 * np.pi**2), 2
 _SCALLOP = 0.84
 #: A weaker line than this share of the strongest is no excitation.
 _WEAK = 0.3
-#: Blocks of the residual: 16 bins then turn by at most π 16/200 = 0.25 in half a block.
-_BLOCKS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,8 @@ def _finer(windowed: FloatArray, rate: float, coarse: int, fine: int, order: int
     """The line about a coarse bin, in bins that are finer by a factor: its bin, and the power of the three about it."""
     bins = np.arange((coarse - 1) * fine, (coarse + 1) * fine + 1)
     omega = 2 * np.pi * rate / (fine * windowed.size) * bins
-    sums = Sines(Blocks(windowed[None], rate), 0.0, 0, omega).sums(0)[0, 0]
+    blocks = Blocks(windowed[None], rate)
+    sums = Sines(blocks.grid, 0.0, 0, omega).moments(blocks.samples, 1)[0, 0]
     power = np.abs(sums) ** 2 * omega ** (2 * order)
     top = 1 + int(np.argmax(power[1:-1]))
     return int(bins[top]), power[top - 1 : top + 2]
@@ -148,9 +147,9 @@ def sharpened(samples: FloatArray, rate: float, frequency: float) -> float:
     e^{-jωu}, have a ratio with the imaginary part d sum(w u²)/sum(w), to first order in the distance d of the sine.
     """
     blocks, resolution = Blocks((samples * hann(samples.size))[None], rate), rate / samples.size
-    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.half * resolution**2)
+    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.grid.half * resolution**2)
     for _ in range(_STEPS):
-        still, moved = Sines(blocks, 2 * np.pi * sharper, 1, np.empty(0)).sums(1)[0, :, 0]
+        still, moved, _ = blocks.sums(2 * np.pi * sharper, 1, np.empty(0))[0, :, 0]
         if not abs(moved) < abs(still):
             return frequency
         sharper += float((moved / still).imag) / lever
@@ -281,9 +280,10 @@ def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:
     apart, course = 2 * np.pi * fit.resolution, fit.track.course
     steps = np.arange(-reach, reach + 1)
     if course is None:
-        sines = Sines(Blocks(fit.residual, fit.track.exact_rate, _BLOCKS), fit.omega, harmonics, np.empty(0))
+        left = Blocks(fit.residual, fit.track.exact_rate)
+        sines = Sines(left.grid, fit.omega, harmonics, np.empty(0))
         omega = fit.omega * np.arange(1, harmonics + 1)[:, None] + apart * steps
-        return np.asarray(sines.beside(apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
+        return np.asarray(sines.beside(left.samples, apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
     steady = fit.omega * np.arange(1, harmonics + 1)[:, None] * fit.track.time + course.turn
     shifted = fit.residual[:, None] * np.exp(-1j * steady)
     to_middle = np.exp(-1j * apart * steps * fit.track.time[0])
