@@ -157,7 +157,7 @@ def long_enough(count):
     stretches = SimpleNamespace(amplitudes={"motion_in": np.ones(40)}, time=np.arange(40.0), omega=1.0, hop=1.0)
     parts |= {"_bridged": lambda *given: stretches, "_trimmed": lambda *given: (2, 2 + count)}
     with patch.multiple(steady, **parts):
-        return steady.steady_part(SimpleNamespace(channels={}, span=(0.0, 40.0)), 1.0) is not None
+        return steady.steady_part(SimpleNamespace(channels={}, span=(0.0, 40.0), made={}), 1.0) is not None
 
 
 def samples(count, missing=0, largest=1.0):
@@ -196,7 +196,8 @@ def wanders(swing):
 def varies(energy=1.0, count=40):
     """Whether V1 may wander, by the variance of its amplitude over a quarter of what the residual must lose."""
     amplitude = 1.0 + np.sqrt(0.25 * energy * 0.75) * 0.1 * (-1.0) ** np.arange(count) + 0j
-    made, recording = SimpleNamespace(amplitudes={"motion_in": amplitude}), SimpleNamespace(reference=None)
+    made = SimpleNamespace(amplitudes={"motion_in": amplitude}, omega=1.0, time=0.0)
+    recording = SimpleNamespace(reference=None, made={})
     state = SimpleNamespace(noise_ratio=np.full(3, 0.1), phasors=SimpleNamespace(omega=1.0))
     parts = {"envelope": lambda *given: made, "_motion": lambda *given: None, "_of_all_harmonics": lambda *given: 1.0}
     with patch.multiple(wander, **parts):

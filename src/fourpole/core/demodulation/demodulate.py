@@ -214,12 +214,11 @@ def demodulate(
 
 def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
     """Inverse variances of the samples of each channel, for white noise of the level beside the frequency."""
-    variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.track.signals) for fit in fits])[:-1])
-    weights = []
-    for fit, variance in zip(fits, variances, strict=True):
-        white = np.maximum(variance, 0.0) * fit.track.known / 4.0
-        floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
-        weights.append(1.0 / np.maximum(white, floor))
+    weights, variances = [], noise.covariance.diagonal().real
+    for fit in fits:
+        track, variance = fit.track, variances[: len(fit.track.signals)]
+        variances = variances[variance.size :]
+        weights.append(1.0 / np.maximum(variance * (track.known / 4.0), track.energy * (1e-30 / track.known) + 1e-300))
     return weights
 
 
@@ -348,11 +347,16 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     ]
     distortion, noise_ratio, spoilt = np.full((3, 3), np.nan)
     distortion[places] = [_distortion(name, row) for name, row in zip(names, true, strict=True)]
-    rms, inflation, spoilt[places] = _quality(fits)
-    noise_ratio[places] = np.sqrt(2.0) * rms / np.abs([row[0] for row in recorded])
+    sizes, inflation = np.abs([row[0] for row in recorded]), []
+    noise_ratio[places] = np.concatenate([fit.rms for fit in fits]) * np.sqrt(2.0) / sizes
+    spoilt[places] = 0.0
+    for fit in fits:  # the standard deviation of the fundamental over that of a sine fitted alone to as many samples
+        inflation += [np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0)] * len(fit.track.names)
+        if fit.track.spoilt is not None:
+            spoilt[[CHANNELS.index(name) for name in fit.track.names]] = np.mean(fit.track.spoilt, axis=1)
     mixed, talk = without_crosstalk(recording, names, omega)
     to_true = mixed * np.array(
-        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation.tolist(), true, recorded, strict=True)]
+        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation, true, recorded, strict=True)]
     )
     amplitudes = np.full(3, complex(np.nan, np.nan))
     amplitudes[places] = mixed @ np.array([row[0] for row in true])
@@ -374,7 +378,7 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
         noise_ratio=noise_ratio,
         force_peak=_peak_of(true[names.index("force_in")]) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
-        missing=1.0 - min(float(np.mean(fit.track.recorded)) for fit in fits),
+        missing=1.0 - min(np.count_nonzero(fit.track.recorded) / fit.track.time.size for fit in fits),
         spoilt=spoilt,
         changes=changes,
         speed_change=speed_change,
@@ -385,26 +389,12 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     )
 
 
-def _quality(fits: list[SineFit]) -> FloatArray:
-    """Figures (3, channels) of the channels of all fits.
-
-    They are the root mean square of the residual in recorded units, the standard deviation of the fundamental over that
-    of a sine fitted alone to as many samples [1], and the share of drop-outs and spikes among all samples [1].
-    """
-    rows = []
-    for fit in fits:
-        rms = np.sqrt(np.einsum("ij,ij->i", fit.residual, fit.residual) / fit.track.time.size)
-        inflation = np.full_like(rms, np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0))
-        spoilt = np.zeros_like(rms) if fit.track.spoilt is None else np.mean(fit.track.spoilt, axis=1)
-        rows.append(np.stack([rms, inflation, spoilt]))
-    return np.concatenate(rows, axis=1)
-
-
 def _distortion(role: str, amplitudes: ComplexArray) -> float:
     """Root of the summed squares of the harmonics over the fundamental, of a force or a displacement [1]."""
+    sizes = np.abs(amplitudes)
     # Harmonic n of a velocity is n times that of its displacement, both over their fundamentals.
-    numbers = 1.0 if role == "force_in" else np.arange(1.0, amplitudes.size + 1)
-    return float(np.sqrt(np.sum(np.abs(amplitudes / numbers)[1:] ** 2)) / np.abs(amplitudes[0]))
+    over = sizes[1:] if role == "force_in" else sizes[1:] / np.arange(2.0, sizes.size + 1)
+    return float(np.sqrt(over @ over) / sizes[0])
 
 
 def _harmonics(
@@ -417,12 +407,12 @@ def _harmonics(
     """As many harmonics as there are noises, from the amplitudes of each channel: in recorded units, and true."""
     count = len(noises)
     amplitudes, std = np.full((3, count), complex(np.nan, np.nan)), np.full((3, count), np.nan)
-    stds = np.sqrt(0.5 * np.abs([np.diag(noise.covariance) for noise in noises]))
-    for i, (place, raw, whole) in enumerate(zip(places, recorded, true, strict=True)):
-        amplitudes[place] = whole[:count]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.abs(whole[:count] / raw[:count])
-        std[place] = stds[:, i] * np.where(np.isfinite(scale), scale, 0.0)
+    stds = np.sqrt(0.5 * np.abs([noise.covariance.diagonal() for noise in noises])).T
+    raw, whole = (np.array([row[:count] for row in rows]) for rows in (recorded, true))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.abs(whole / raw)
+    scale[~np.isfinite(scale)] = 0.0
+    amplitudes[places], std[places] = whole, stds * scale
     # Only hum of the mains can stand at a harmonic: other lines are in the fit themselves.
     multiples = fits[0].omega / (2 * np.pi) * np.arange(1, count + 1)
     gap = (LINE_GAP + 1.0) * max(fit.resolution for fit in fits)

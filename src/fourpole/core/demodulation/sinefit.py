@@ -10,6 +10,7 @@ If a reference gives the phase, the sines follow it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,7 +21,7 @@ from fourpole.core.demodulation.terms import TermRows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
-#: A frequency is identifiable if at least this share of the slope by it is independent of those before it.
+#: A frequency is identifiable if at least this share of the slope by it is independent of the others.
 _ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
@@ -49,8 +50,8 @@ class SineFit(Terms):
     inner : (P + 2 S + 2, P + 2 S + 2) float
         Inner products of the P rows of the terms, of the rows of the S sines times time, and of the fundamental times
         its square.
-    whiten : (P, P) float
-        Inverse of the Cholesky factor of the inner products of the rows.
+    inverse : (P, P) float
+        Inverse of the inner products of the rows.
     coefficients : (P, channels) float
         Amplitudes of the rows, in units of each channel.
     right : (2 S + 2, channels) float
@@ -62,7 +63,7 @@ class SineFit(Terms):
     track: Track
     rows: TermRows
     inner: FloatArray
-    whiten: FloatArray
+    inverse: FloatArray
     coefficients: FloatArray
     right: FloatArray
     variance: FloatArray
@@ -88,6 +89,11 @@ class SineFit(Terms):
         model = self.rows.model(self.coefficients)
         return np.subtract(self.track.signals, model, out=model)
 
+    @cached_property
+    def rms(self) -> FloatArray:
+        """Root mean square (channels,) of the residual over all samples."""
+        return np.sqrt(np.vecdot(self.residual, self.residual) / self.track.time.size)
+
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
         pairs = self.coefficients[: 2 * self.harmonics]
@@ -96,7 +102,7 @@ class SineFit(Terms):
 
     def amplitude_variance(self) -> float:
         """Variance of the real part of the fundamental's amplitude per unit of sample variance [1]."""
-        return float(0.5 * np.sum(self.whiten[:, :2] ** 2))
+        return 0.5 * float(self.inverse[0, 0] + self.inverse[1, 1])
 
     def at(self, omega: float, lines: FloatArray, unsteady: tuple[int, ...] | None = None) -> SineFit:
         """The same signals fitted at other frequencies."""
@@ -114,14 +120,15 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     rows = rows_of(track, Terms(omega, harmonics, lines, unsteady))
     inner, right = rows.products(), rows.with_signals()
     size = rows.size
-    whiten = np.linalg.inv(np.linalg.cholesky(inner[:size, :size]))
-    white = whiten @ right[:size]
-    coefficients = whiten.T @ white
-    left = track.energy - (white * white).sum(axis=0)
+    inverse = np.linalg.inv(inner[:size, :size])
+    if not inverse.diagonal().min() > 0:
+        raise np.linalg.LinAlgError("the terms of a fit are not independent")
+    coefficients = inverse @ right[:size]
+    left = track.energy - (coefficients * right[:size]).sum(axis=0)
     # The energy left is a difference: its round-off is that of the whole energy.
     variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
     right = right[size:] - inner[size:, :size] @ coefficients
-    return SineFit(omega, harmonics, lines, unsteady, track, rows, inner, whiten, coefficients, right, variance)
+    return SineFit(omega, harmonics, lines, unsteady, track, rows, inner, inverse, coefficients, right, variance)
 
 
 def refine(
@@ -210,15 +217,12 @@ def _newton_step(
         size, moving = fit.size, 2 * fit.sines.size
         slopes = _slopes(fit, informing[i], free=free)
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        across = fit.whiten @ (fit.inner[:size, size:-2] @ slopes)
-        along = fit.inner[size:-2, size:-2] @ slopes
-        weighted = (slopes * weight).reshape(len(slopes), -1)
-        across_weighted = (across * weight).reshape(len(slopes), -1)
-        own = [0, *range(start, start + fit.lines.size)]
+        shared = fit.inner[:size, size:-2]
+        apart = fit.inner[size:-2, size:-2] - shared.T @ (fit.inverse @ shared)
+        along, weighted = (apart @ slopes).reshape(len(slopes), -1), (slopes * weight).reshape(len(slopes), -1)
+        own = np.array([0, *range(start, start + fit.lines.size)])
         start += fit.lines.size
-        normal[np.ix_(own, own)] += (
-            weighted @ along.reshape(len(slopes), -1).T - across_weighted @ across.reshape(len(slopes), -1).T
-        )
+        normal[own[:, None], own] += weighted @ along.T
         right[own] += weighted @ fit.right[:moving].reshape(-1)
         # The residual along the second derivative of the model, and how far that of the other harmonics scatters if
         # the residual is white.
@@ -250,12 +254,11 @@ def _inverse(normal: FloatArray) -> FloatArray:
         return (scale * scale)[:, None]
     outer = scale[:, None] * scale
     scaled = normal * outer
-    try:
-        independent = np.linalg.cholesky(scaled).diagonal().min() >= _ALIKE
-    except np.linalg.LinAlgError:
-        independent = False
-    inverse = np.linalg.inv(scaled) if independent else np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
-    return np.asarray(inverse * outer)
+    with suppress(np.linalg.LinAlgError):
+        inverse = np.linalg.inv(scaled)
+        if inverse.diagonal().min() > 0 and inverse.diagonal().max() < _ALIKE**-2:
+            return np.asarray(inverse * outer)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * outer)
 
 
 @lru_cache(maxsize=64)
@@ -271,7 +274,7 @@ def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
     turned = (pairs[:, ::-1] * _QUARTER).reshape(-1, pairs.shape[2])
     slopes = np.zeros((1 + fit.lines.size, *turned.shape))
     if free:
-        slopes[0, :own] = turned[:own] * _numbers(fit.harmonics) * np.repeat(informing, 2)[:, None]
+        slopes[0, :own] = turned[:own] * (_numbers(fit.harmonics) * informing.repeat(2)[:, None])
     for k in range(fit.lines.size):
         place = slice(own + 2 * k, own + 2 * k + 2)
         slopes[1 + k, place] = turned[place]

@@ -49,6 +49,7 @@ class Grid:
         size = max(1, min(int(np.sqrt(count)), count // _BLOCKS))
         blocks = -(-int(np.max(np.diff(self.edges))) // size)
         self.shape = (4, blocks, size)
+        self.even = 4 * blocks * size == count
         self.half = 0.5 * max(count - 1, 1) / rate
         self.inside = (np.arange(size) - 0.5 * (size - 1)) / rate
         first = self.edges[:-1, None] + np.arange(blocks) * size
@@ -56,7 +57,7 @@ class Grid:
 
     def split(self, signals: FloatArray) -> FloatArray:
         """Samples (C, N) in blocks (C M, B), with zeros where a quarter is no multiple of a block."""
-        if np.prod(self.shape) == self.count:
+        if self.even:
             return np.ascontiguousarray(signals).reshape(-1, self.shape[2])
         whole = np.zeros((len(signals), 4, self.shape[1] * self.shape[2]))
         for quarter, (low, high) in enumerate(zip(self.edges, self.edges[1:], strict=False)):
@@ -65,7 +66,7 @@ class Grid:
 
     def joined(self, blocks: FloatArray) -> FloatArray:
         """Samples (C, N) of blocks (C M, B)."""
-        if np.prod(self.shape) == self.count:
+        if self.even:
             return blocks.reshape(-1, self.count)
         parts = blocks.reshape(-1, 4, self.shape[1] * self.shape[2])
         return np.concatenate([parts[:, k, :size] for k, size in enumerate(np.diff(self.edges).tolist())], axis=1)
@@ -208,10 +209,11 @@ class Sines:
         grid, (channels, orders, count) = self._grid, amplitudes.shape
         # Each block has amplitudes and a polynomial about its own middle.
         shifts = grid.shifts[:orders, :, :orders]
-        each = np.tensordot(amplitudes, shifts, (1, 0)).transpose(0, 2, 3, 1) * self._middle.conj()[:, None]
+        each = np.einsum("cpf,pmq->cmqf", amplitudes, shifts) * self._middle.conj()[:, None]
         parts = np.empty((channels, grid.middle.size, 2 * orders * count + drift.shape[1]))
         parts[:, :, : 2 * orders * count] = each.reshape(channels, grid.middle.size, -1).view(float)
-        parts[:, :, 2 * orders * count :] = np.tensordot(drift, grid.shifts[: drift.shape[1]], 1)
+        along = drift @ grid.shifts[:_DRIFT].reshape(_DRIFT, -1)
+        parts[:, :, 2 * orders * count :] = along.reshape(channels, -1, _DRIFT)
         table = np.concatenate([self._within(orders), grid.powers], axis=1)
         return grid.joined(parts.reshape(-1, parts.shape[2]) @ table.T)
 

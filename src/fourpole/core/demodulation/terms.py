@@ -17,6 +17,8 @@ from fourpole.core.demodulation.tracks import Course, Track
 DRIFT = 4
 #: The polynomials of the drift, by the powers of s: orthogonal on a long record.
 _POLYNOMIALS = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1 / 3, 0.0, 1.0, 0.0], [0.0, -0.6, 0.0, 1.0]])
+#: Plus and minus a line.
+_BOTH = np.array([[1.0], [-1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +50,8 @@ class Terms(ByValue):
         multiples = self.omega * np.arange(2 * self.harmonics + 1)
         if not self.lines.size:
             return multiples
-        others = np.append(multiples[: self.harmonics + 1], self.lines)
-        return np.concatenate([multiples, *(part for line in self.lines for part in (others + line, others - line))])
+        others = np.concatenate([multiples[: self.harmonics + 1], self.lines])
+        return np.concatenate([multiples, (others + self.lines[:, None, None] * _BOTH).reshape(-1)])
 
 
 class TermRows(Protocol):
