@@ -209,13 +209,16 @@ class Recording:
     @property
     def span(self) -> tuple[float, float]:
         """Start and end of the time that all channels and the reference cover, half an interval beyond samples [s]."""
+        if "span" in self.made:
+            return self.made["span"]
         spans = []
         for name, channel in self.channels.items():
             rate, start = self.base(name)
             spans.append((start - 0.5 / rate, start + (channel.samples.size - 0.5) / rate))
         if self.reference is not None:
             spans.append(self.reference.span)
-        return max(first for first, _ in spans), min(last for _, last in spans)
+        self.made["span"] = max(first for first, _ in spans), min(last for _, last in spans)
+        return self.made["span"]
 
     @property
     def duration(self) -> float:

@@ -42,9 +42,8 @@ def first_line(apart):
     """The first guess [Hz] near 10 Hz, by the distance of the weaker one of two lines."""
     recording = SimpleNamespace(channels={"motion_in": SimpleNamespace(quantity="velocity")})
     lines = [Line(20.0, 20.0, 1.0), Line(10 * (1 + apart), 10 * (1 + apart), 0.5)]
-    parts = {"strongest_lines": lambda *given, **how: lines, "_without_trend": lambda track: None}
-    with patch.multiple(demodulate, **parts):
-        return demodulate._strongest(recording, SimpleNamespace(rate=1e3), 10.0)
+    with patch.object(demodulate, "strongest_lines", lambda *given, **how: lines):
+        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, trendless=None), 10.0)
 
 
 def harmonic(number, size=0.01):
@@ -75,7 +74,7 @@ def shown(power):
     bins = np.full((1, 640), np.log(2.0))
     bins[0, 100] = power
     with patch.object(spectrum, "_power", lambda spectrum: bins):
-        return spectrum.find_lines(np.zeros((1, 1278)), 1.0, np.zeros(1)).size
+        return spectrum.find_lines(np.zeros((1, 1278)), 1.0, np.zeros(1))[0].size
 
 
 def white(frequency):

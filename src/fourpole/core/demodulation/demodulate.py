@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from fourpole.core.demodulation.halves import changes_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
+    HIDES,
     LINE_GAP,
     Noise,
     find_lines,
@@ -196,7 +198,7 @@ def demodulate(
         frequency = start if start is not None else _strongest(recording, tracks[0], near)
     _check_length(recording, tracks, frequency, given=not free)
     if free:
-        frequency = sharpened(_without_trend(tracks[0]), tracks[0].rate, frequency)
+        frequency = sharpened(tracks[0].trendless, tracks[0].rate, frequency)
     fits, informing = [], []
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / frequency)))
@@ -231,7 +233,11 @@ def first_guess(recording: Recording, near: float | None = None) -> float:
     >>> round(first_guess(Recording.from_arrays(t, force_in=t, motion_in=np.sin(2 * np.pi * 10.3 * t))), 1)
     10.3
     """
-    return float(_strongest(recording, tracks_of(recording, ["motion_in"])[0], near))
+    with suppress(RecordingError):
+        tracks = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])
+        if len(tracks) == 1 and tracks[0].known == tracks[0].time.size:
+            return _strongest(recording, tracks[0], near)
+    return _strongest(recording, tracks_of(recording, ["motion_in"])[0], near)
 
 
 def _strongest(recording: Recording, track: Track, near: float | None) -> float:
@@ -239,17 +245,9 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
-    lines = strongest_lines(_without_trend(track), track.rate, order=order)
+    lines = strongest_lines(track.trendless, track.rate, order=order)
     beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
     return beside[0] if beside else lines[0].frequency
-
-
-def _without_trend(track: Track) -> FloatArray:
-    """V1 (N,) minus its mean and slope."""
-    motion = track.signals[track.names.index("motion_in")]
-    index = np.arange(motion.size) - 0.5 * (motion.size - 1)
-    slope = (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
-    return np.asarray(motion - (motion.mean() + slope * index))
 
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
@@ -288,28 +286,34 @@ def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float 
 
     If a line is too close to a harmonic to be separated from it, that harmonic becomes unsteady instead.
     """
+    more = [True] * len(fits)
     for number in range(_LINE_PASSES):
-        wider = [_with_lines(fit, mains if number == 0 else None) for fit in fits]
-        if all(more is None for more in wider):
+        stated = mains if number == 0 else None
+        wider = [_with_lines(fit, stated) if search else (fit, False) for fit, search in zip(fits, more, strict=True)]
+        if all(one is fit for (one, _), fit in zip(wider, fits, strict=True)):
             break
-        fits = [fit if more is None else more for fit, more in zip(fits, wider, strict=True)]
-        fits, _ = refine(fits, informing=informing, free=free)
+        fits, _ = refine([one for one, _ in wider], informing=informing, free=free)
+        more = [hides for _, hides in wider]
     return fits
 
 
-def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
-    """The fit with the lines of its residual and of `mains`; None if there are no lines or too few samples."""
+def _with_lines(fit: SineFit, mains: float | None) -> tuple[SineFit, bool]:
+    """The fit with the lines of its residual and of `mains`, and whether these may hide others.
+
+    It is the same fit if there are no lines or too few samples.
+    """
     rate = fit.track.exact_rate
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
-    shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
+    shown, strongest = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
     lines, unsteady = _new_terms(
         fit, np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
     )
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
     if not more or fit.dof < 4 * (fit.size + more):
-        return None
-    return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady)
+        return fit, False
+    hides = strongest > HIDES or unsteady != fit.unsteady
+    return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady), hides
 
 
 def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray:

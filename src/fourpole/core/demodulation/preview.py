@@ -54,7 +54,7 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
     for fit in fits:
         for rows, part in zip((fit.track.signals, fit.residual), parts, strict=True):
             part.extend(rows[:, window] if fit is first else [np.interp(shown, fit.track.time, row) for row in rows])
-    signals, left = map(np.stack, parts)
+    signals, left = map(np.array, parts)
     return Preview(
         time=shown,
         signals=signals[list(order)],

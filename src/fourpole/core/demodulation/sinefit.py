@@ -177,14 +177,14 @@ def refine(
         # A line's step leaves the share that the step before it left, or the residual over the slope. The latter alone
         # is no estimate if the noise about the line is far above its mean.
         size, last = np.abs(step), np.abs(before * std)
-        left = size * np.minimum(size / np.maximum(last, 1e-300), spread)
-        left[0] = size[0] * (neglected + spread * bin_width / fits[0].omega)
+        rest = size * np.minimum(size / np.maximum(last, 1e-300), spread)
+        rest[0] = size[0] * (neglected + spread * bin_width / fits[0].omega)
         before, start = step, 1
         for i, fit in enumerate(fits):
             end = start + fit.lines.size
             fits[i] = fit.at(fit.omega + float(step[0]), fit.lines + step[start:end])
             start = end
-        if left.max() < _LEFT:
+        if rest.max() < _LEFT:
             break
     return fits, float(std[0])
 
@@ -256,7 +256,8 @@ def _inverse(normal: FloatArray) -> FloatArray:
     scaled = normal * outer
     with suppress(np.linalg.LinAlgError):
         inverse = np.linalg.inv(scaled)
-        if inverse.diagonal().min() > 0 and inverse.diagonal().max() < _ALIKE**-2:
+        lost = inverse.diagonal()
+        if lost.min() > 0 and lost.max() < _ALIKE**-2:
             return np.asarray(inverse * outer)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * outer)
 

@@ -15,6 +15,9 @@ from fourpole.core.demodulation.sums import Blocks, Sines
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
+#: Power over the noise from which a line may hide others: the side lobes of a Hann window are below 6e-4 of it beyond
+#: `LINE_GAP`, so that those of a weaker line do not exceed the noise.
+HIDES = 1000.0
 #: Closest that a line may lie to a fitted frequency, in bins of 1/T.
 LINE_GAP = 2.5
 _BLOCK = 64
@@ -91,7 +94,7 @@ def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Lin
     count, fine = samples.size, 4 if samples.size < _MANY else 1
     windowed = samples * hann(count)
     coarse = 1 if count >= _FEW else fine
-    power = _power([np.fft.rfft(windowed, coarse * count)])[0]
+    power = _power(np.fft.rfft(windowed, coarse * count))
     lowest = int(np.ceil(_FEWEST_CYCLES * coarse))  # lower bins show drift, not lines
     power[:lowest] = 0.0
     stands_out = _excess(power[None], coarse * _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
@@ -175,24 +178,29 @@ def peak_place(spectrum: FloatArray, index: int) -> float:
     return index + _vertex(spectrum[max(index - 1, 0) : index + 2] ** 2)
 
 
-def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArray:
+def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> tuple[FloatArray, float]:
     """Frequencies [Hz] of the lines that stand out of the residual's noise in any channel, strongest first.
 
-    Lines with an amplitude below `least` (channels,) are ignored.
+    The second value is the power of the strongest over the noise, 0 without lines. Lines with an amplitude below
+    `least` (channels,) are ignored.
     """
     count = residual.shape[1]
-    power = _power([np.fft.rfft(row) for row in residual * hann(count)])  # one by one, which takes half the time
+    spectra = np.empty((len(residual), count // 2 + 1), dtype=complex)
+    for row, spectrum in zip(residual * hann(count), spectra, strict=True):  # one by one, which takes half the time
+        np.fft.rfft(row, out=spectrum)
+    power = _power(spectra)
     smallest = (0.25 * count * least[:, None]) ** 2  # the window has the mean 0.5
     excess = _excess(power, _BLOCK, smallest)
     middle = excess[1:-1]
     peaks = np.flatnonzero((middle > LINE_LIMIT) & (middle >= excess[:-2]) & (middle > excess[2:])) + 1
     peaks = peaks[np.argsort(-excess[peaks])]
-    return np.array([index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]) * rate / count
+    places = [index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]
+    return np.array(places) * (rate / count), float(excess[peaks[0]]) if peaks.size else 0.0
 
 
-def _power(spectra: Sequence[ComplexArray]) -> FloatArray:
-    """Squared moduli (channels, bins)."""
-    return np.stack([row.real**2 + row.imag**2 for row in spectra])
+def _power(spectrum: ComplexArray) -> FloatArray:
+    """Squared moduli."""
+    return np.asarray(spectrum.real**2 + spectrum.imag**2)
 
 
 def _excess(power: FloatArray, block: int, smallest: FloatArray) -> FloatArray:

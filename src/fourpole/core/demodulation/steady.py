@@ -149,10 +149,10 @@ def _steady(stretches: Envelope, speed: FloatArray, part: slice) -> tuple[BoolAr
     """Flags of the stretches of a part that are as steady as its middle half, and of those that differ much from it."""
     motion = stretches.amplitudes["motion_in"][part]
     others = [row[part] / motion for name, row in stretches.amplitudes.items() if name != "motion_in"]
-    rows = np.stack([np.abs(motion) + 0j, 1.0 + speed[part] + 0j, *others])
+    rows = np.array([np.abs(motion), 1.0 + speed[part], *others])
     half = slice(motion.size // 4, motion.size - motion.size // 4)
-    off = np.abs(rows / rows[:, half].mean(axis=1, keepdims=True) - 1)
-    spread = np.sqrt((off[:, half] ** 2).mean(axis=1, keepdims=True))
+    off = np.abs(rows * ((half.stop - half.start) / np.add.reduce(rows[:, half], axis=1, keepdims=True)) - 1)
+    spread = np.sqrt(np.add.reduce(off[:, half] ** 2, axis=1, keepdims=True) / (half.stop - half.start))
     steady = off < np.maximum(_WITHIN, _DEVIATIONS * spread)
     rough = off > np.maximum(_ROUGH, 2 * _DEVIATIONS * spread)
     return steady.all(axis=0), rough.any(axis=0)

@@ -21,7 +21,7 @@ _DRIFT, _WITHIN = 4, 3
 _MOMENTS = 10
 _SERIES = _MOMENTS - 2
 _EXPONENTS = np.arange(_SERIES)[:, None]
-_FACTORIALS = np.cumprod(np.maximum(_EXPONENTS, 1.0), axis=0)
+_SHARES = 1.0 / np.cumprod(np.maximum(_EXPONENTS, 1.0), axis=0)
 #: Largest turn at the ends of a record by which a frequency may depart from that of its moments [rad]: the series is
 #: then off by 0.15^8/8! = 6e-12 of what the samples hold.
 _NEAR = 0.15
@@ -120,8 +120,8 @@ class Blocks:
             self._base = np.concatenate([self._base, new.omega])
             self._moments = np.concatenate([self._moments, moments], axis=3)
             place, turn = self._nearest(frequency)
-        series = (-1j * turn) ** _EXPONENTS / _FACTORIALS
-        return np.asarray((self._moments[..., place] * series).sum(axis=2))
+        series = (-1j * turn) ** _EXPONENTS * _SHARES
+        return np.add.reduce(self._moments.take(place, axis=3) * series, axis=2)
 
     def _nearest(self, frequency: FloatArray) -> tuple[IntArray, FloatArray]:
         """Place of the moments with the nearest frequency, and the turn at the ends of the record from there [rad]."""

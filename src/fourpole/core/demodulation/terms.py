@@ -213,11 +213,16 @@ class _Uniform:
         return made if self._track.known == self._track.time.size else made * self._track.present
 
     def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        grid = self._blocks.grid
-        once, twice = (Sines(grid, n * self._terms.omega, 1, np.empty(0)) for n in (1, 2))
-        counts = np.add.reduceat(self._track.present, grid.edges[:-1], dtype=float)
-        double = twice.quarters(grid.split(self._track.present[None] * 1.0))[0]
-        normal = [[counts + double.real, double.imag], [double.imag, counts - double.real]]
+        grid, track, omega = self._blocks.grid, self._track, self._terms.omega
+        once, turn = Sines(grid, omega, 1, np.empty(0)), omega / track.exact_rate
+        counts, middles = np.diff(grid.edges).astype(float), grid.edges[1:] + grid.edges[:-1] - track.time.size
+        double = np.exp(1j * turn * middles) * (np.sin(turn * counts) / np.sin(turn))  # sums of the square of the turn
+        if track.known < track.time.size:
+            gone = np.flatnonzero(~track.present)
+            quarter = np.searchsorted(grid.edges, gone, "right") - 1
+            counts -= np.bincount(quarter, minlength=4)
+            np.subtract.at(double, quarter, np.exp(1j * turn * (2 * gone + 1 - track.time.size)))
+        normal = [[counts + double.real, -double.imag], [-double.imag, counts - double.real]]
         sums = once.quarters(grid.split(residual))
         return 0.5 * np.transpose(normal, (2, 0, 1)), np.stack([sums.real, sums.imag]).transpose(2, 0, 1)
 
