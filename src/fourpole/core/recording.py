@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -206,19 +207,16 @@ class Recording:
         kept = {key: channel for key, channel in self.channels.items() if key != name}
         return replace(self, channels=kept)
 
-    @property
+    @cached_property
     def span(self) -> tuple[float, float]:
         """Start and end of the time that all channels and the reference cover, half an interval beyond samples [s]."""
-        if "span" in self.made:
-            return self.made["span"]
         spans = []
         for name, channel in self.channels.items():
             rate, start = self.base(name)
             spans.append((start - 0.5 / rate, start + (channel.samples.size - 0.5) / rate))
         if self.reference is not None:
             spans.append(self.reference.span)
-        self.made["span"] = max(first for first, _ in spans), min(last for _, last in spans)
-        return self.made["span"]
+        return max(first for first, _ in spans), min(last for _, last in spans)
 
     @property
     def duration(self) -> float:

@@ -49,11 +49,11 @@ def test_sums_near_a_frequency_follow_from_its_moments(samples):
 
 
 @pytest.mark.parametrize("samples", [16, 1000, 9973])
-def test_quarters_add_up_those_of_their_samples(samples):
+def test_sums_between_places_are_those_of_their_samples(samples):
     signals = np.random.default_rng(samples).standard_normal((2, samples))
-    grid, edges = Grid(samples, RATE), np.linspace(0, samples, 5).astype(int)
+    grid, edges = Grid(samples, RATE), np.array([0, samples // 5, samples // 4, samples // 2, samples])
     turned = signals * np.exp(-1j * 41.0 * times(samples)[0])
-    found = Sines(grid, 41.0, 1, np.empty(0)).quarters(grid.split(signals))
+    found = Sines(grid, 41.0, 1, np.empty(0)).between(grid.split(signals), edges)
     np.testing.assert_allclose(found, np.add.reduceat(turned, edges[:-1], axis=1), rtol=0, atol=1e-11)
     np.testing.assert_array_equal(grid.joined(grid.split(signals)), signals)
 

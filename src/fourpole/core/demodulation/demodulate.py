@@ -171,9 +171,10 @@ def demodulate(
     A harmonic of the excitation within 2.5 bins (1/T) of a multiple of 50 Hz, 60 Hz or `mains`, or of a line found,
     does not inform the frequency, so hum at that harmonic does not bias the frequency. The harmonic includes such hum.
 
-    Samples are gone through once for each set of frequencies that is tried, as sums over blocks; gaps and interfering
-    lines are held exactly. Along a reference, and along the phase of a wandering drive, sines have no such sums: a
-    table of them is made, which takes about three times as long (`fourpole.core.demodulation.terms.rows_of`).
+    Samples are gone through once, as sums over blocks times powers of the time, from which the sums at all frequencies
+    that are tried near by follow; gaps and interfering lines are held exactly. Along a reference, and along the phase
+    of a wandering drive, sines have no such sums: a table of them is made for each set of frequencies, which takes
+    several times as long (`fourpole.core.demodulation.terms.rows_of`).
 
     References
     ----------
@@ -352,7 +353,8 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     distortion, noise_ratio, spoilt = np.full((3, 3), np.nan)
     distortion[places] = [_distortion(name, row) for name, row in zip(names, true, strict=True)]
     sizes, inflation = np.abs([row[0] for row in recorded]), []
-    noise_ratio[places] = np.concatenate([fit.rms for fit in fits]) * np.sqrt(2.0) / sizes
+    squares = [np.vecdot(fit.residual, fit.residual) / fit.track.time.size for fit in fits]
+    noise_ratio[places] = np.sqrt(2.0 * np.concatenate(squares)) / sizes
     spoilt[places] = 0.0
     for fit in fits:  # the standard deviation of the fundamental over that of a sine fitted alone to as many samples
         inflation += [np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0)] * len(fit.track.names)

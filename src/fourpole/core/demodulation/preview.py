@@ -47,14 +47,10 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
     step = float(first.track.time[1] - first.track.time[0])
     half = min(count // 2, max(8, round(0.5 * _CYCLES * 2 * np.pi / first.omega / step)))
     window = np.arange(count // 2 - half, count // 2 + half)
-    window = window[:: max(1, -(-window.size // POINTS))]
-    shown = first.track.time[window]
+    shown = first.track.time[window[:: max(1, int(np.ceil(window.size / POINTS)))]]
     blocks = min(BLOCKS, *(fit.track.time.size for fit in fits))
-    parts: list[list[FloatArray]] = [[], []]
-    for fit in fits:
-        for rows, part in zip((fit.track.signals, fit.residual), parts, strict=True):
-            part.extend(rows[:, window] if fit is first else [np.interp(shown, fit.track.time, row) for row in rows])
-    signals, left = map(np.array, parts)
+    signals = np.stack([np.interp(shown, fit.track.time, row) for fit in fits for row in fit.track.signals])
+    left = np.stack([np.interp(shown, fit.track.time, row) for fit in fits for row in fit.residual])
     return Preview(
         time=shown,
         signals=signals[list(order)],

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -88,11 +88,6 @@ class SineFit(Terms):
         """Signals minus fit (channels, N); 0 for missing samples."""
         model = self.rows.model(self.coefficients)
         return np.subtract(self.track.signals, model, out=model)
-
-    @cached_property
-    def rms(self) -> FloatArray:
-        """Root mean square (channels,) of the residual over all samples."""
-        return np.sqrt(np.vecdot(self.residual, self.residual) / self.track.time.size)
 
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
@@ -171,7 +166,9 @@ def refine(
     before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
         step, std, neglected, spread = _newton_step(fits, informing, weights, free=free)
-        if (np.abs(step) < np.maximum(1e-12 * bin_width, _LEFT * std)).all():
+        # A line reaches a harmonic by its leakage: with so large an error of its frequency, that has 1e-3 of its own.
+        leakage = np.concatenate([[1.0], *map(_leakage, fits)])
+        if (np.abs(step) * leakage < np.maximum(1e-12 * bin_width, _LEFT * std)).all():
             break
         step = np.minimum(np.maximum(step, -_LONGEST * bin_width), _LONGEST * bin_width)
         # A line's step leaves the share that the step before it left, or the residual over the slope. The latter alone
@@ -184,9 +181,18 @@ def refine(
             end = start + fit.lines.size
             fits[i] = fit.at(fit.omega + float(step[0]), fit.lines + step[start:end])
             start = end
-        if rest.max() < _LEFT:
+        if (rest * leakage).max() < _LEFT:
             break
     return fits, float(std[0])
+
+
+def _leakage(fit: SineFit) -> FloatArray:
+    """Error of a harmonic by that of the frequency of each line (L,), both over their uncertainties, at most [1].
+
+    If the residual is white, it is the root of 3 over the phase between the two at the ends of the record.
+    """
+    gap = np.abs(fit.lines[:, None] - fit.omega * np.arange(1, fit.harmonics + 1)).min(axis=1)
+    return np.minimum(np.sqrt(12.0) / ((fit.track.time[-1] - fit.track.time[0]) * gap), 1.0)
 
 
 def _newton_step(
@@ -227,7 +233,7 @@ def _newton_step(
         # The residual along the second derivative of the model, and how far that of the other harmonics scatters if
         # the residual is white.
         bend -= float((fit.coefficients[:2] * fit.right[-2:]).sum(axis=0) @ weight)
-        pairs = fit.coefficients[2 : 2 * fit.harmonics] * _numbers(fit.harmonics)[2:] ** 2
+        pairs = fit.coefficients[2 : 2 * fit.harmonics] * np.arange(2.0, fit.harmonics + 1).repeat(2)[:, None] ** 2
         squares = (pairs * pairs).sum(axis=0) * fit.variance * (fit.track.known / 10)
         length = float(fit.track.time[-1] - fit.track.time[0])
         others += float(weight @ np.sqrt(squares)) * (0.5 * length) ** 2
@@ -262,12 +268,6 @@ def _inverse(normal: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * outer)
 
 
-@lru_cache(maxsize=64)
-def _numbers(harmonics: int) -> FloatArray:
-    """Number of the harmonic of each row (2 harmonics, 1)."""
-    return np.repeat(np.arange(1.0, harmonics + 1), 2)[:, None]
-
-
 def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
     """Derivatives (1 + lines, 2 S, channels) by the fundamental and by each line, along the sines times time."""
     own = 2 * fit.harmonics
@@ -275,7 +275,7 @@ def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
     turned = (pairs[:, ::-1] * _QUARTER).reshape(-1, pairs.shape[2])
     slopes = np.zeros((1 + fit.lines.size, *turned.shape))
     if free:
-        slopes[0, :own] = turned[:own] * (_numbers(fit.harmonics) * informing.repeat(2)[:, None])
+        slopes[0, :own] = turned[:own] * (informing * np.arange(1.0, fit.harmonics + 1)).repeat(2)[:, None]
     for k in range(fit.lines.size):
         place = slice(own + 2 * k, own + 2 * k + 2)
         slopes[1 + k, place] = turned[place]

@@ -283,18 +283,8 @@ def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray
 
 def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:
     """Amplitudes (channels, harmonics, 2 reach + 1) of the residual, whole bins beside each harmonic, at the middle."""
-    scale = 2.0 / fit.track.known
-    apart, course = 2 * np.pi * fit.resolution, fit.track.course
-    steps = np.arange(-reach, reach + 1)
-    if course is None:
-        left = Blocks(fit.residual, fit.track.exact_rate)
-        sines = Sines(left.grid, fit.omega, harmonics, np.empty(0))
-        omega = fit.omega * np.arange(1, harmonics + 1)[:, None] + apart * steps
-        return np.asarray(sines.beside(left.samples, apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
-    steady = fit.omega * np.arange(1, harmonics + 1)[:, None] * fit.track.time + course.turn
-    shifted = fit.residual[:, None] * np.exp(-1j * steady)
-    to_middle = np.exp(-1j * apart * steps * fit.track.time[0])
-    return np.asarray(np.fft.fft(shifted, axis=-1)[..., steps] * scale * to_middle)
+    sums = fit.rows.beside(fit.residual, harmonics, 2 * np.pi * fit.resolution, reach)
+    return np.asarray(sums * (2.0 / fit.track.known))
 
 
 def _white(fits: Sequence[SineFit], rate: float) -> Noise:

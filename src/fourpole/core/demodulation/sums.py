@@ -32,7 +32,7 @@ _FEWEST_TURNS = 0.5
 
 
 class Grid:
-    """Uniform times in blocks, of which none lies in two quarters of the record.
+    """Uniform times in M blocks of B.
 
     Time is `u`, from the middle of the samples; `s` is `u` over half the record's length, from -1 to 1.
 
@@ -45,31 +45,23 @@ class Grid:
     """
 
     def __init__(self, count: int, rate: float) -> None:
-        self.count, self.edges = count, np.linspace(0, count, 5).astype(int)
         size = max(1, min(int(np.sqrt(count)), count // _BLOCKS))
-        blocks = -(-int(np.max(np.diff(self.edges))) // size)
-        self.shape = (4, blocks, size)
-        self.even = 4 * blocks * size == count
+        blocks, self._count = -(-count // size), count
         self.half = 0.5 * max(count - 1, 1) / rate
         self.inside = (np.arange(size) - 0.5 * (size - 1)) / rate
-        first = self.edges[:-1, None] + np.arange(blocks) * size
-        self.middle = (first.reshape(-1) + 0.5 * (size - count)) / rate
+        self.middle = (np.arange(blocks) * size + 0.5 * (size - count)) / rate
 
     def split(self, signals: FloatArray) -> FloatArray:
-        """Samples (C, N) in blocks (C M, B), with zeros where a quarter is no multiple of a block."""
-        if self.even:
-            return np.ascontiguousarray(signals).reshape(-1, self.shape[2])
-        whole = np.zeros((len(signals), 4, self.shape[1] * self.shape[2]))
-        for quarter, (low, high) in enumerate(zip(self.edges, self.edges[1:], strict=False)):
-            whole[:, quarter, : high - low] = signals[:, low:high]
-        return whole.reshape(-1, self.shape[2])
+        """Samples (C, N) in blocks (C M, B), with zeros at the end of the last one."""
+        whole, size = signals, self.middle.size * self.inside.size
+        if size > self._count:
+            whole = np.zeros((len(signals), size))
+            whole[:, : self._count] = signals
+        return np.ascontiguousarray(whole).reshape(-1, self.inside.size)
 
     def joined(self, blocks: FloatArray) -> FloatArray:
         """Samples (C, N) of blocks (C M, B)."""
-        if self.even:
-            return blocks.reshape(-1, self.count)
-        parts = blocks.reshape(-1, 4, self.shape[1] * self.shape[2])
-        return np.concatenate([parts[:, k, :size] for k, size in enumerate(np.diff(self.edges).tolist())], axis=1)
+        return blocks.reshape(-1, self.middle.size * self.inside.size)[:, : self._count]
 
     @cached_property
     def shifts(self) -> FloatArray:
@@ -84,11 +76,6 @@ class Grid:
         """Powers 0 to 3 (B, 4) of s from the middle of a block."""
         return np.asarray((self.inside / self.half)[:, None] ** np.arange(_DRIFT))
 
-    def drift(self, samples: FloatArray) -> FloatArray:
-        """Sums (C, 4) of samples (C M, B) times 1, s, s² and s³."""
-        parts = (samples @ self.powers).reshape(-1, self.middle.size * _DRIFT)
-        return np.asarray(parts @ self.shifts[:_DRIFT].reshape(_DRIFT, -1).T)
-
 
 _grid_of = lru_cache(maxsize=16)(Grid)
 
@@ -99,12 +86,13 @@ class Blocks:
     def __init__(self, signals: FloatArray, rate: float) -> None:
         self.grid = _grid_of(signals.shape[1], rate)
         self.samples = self.grid.split(signals)
-        self._base, self._moments = np.empty(0), np.empty((len(signals), 3, _SERIES, 0), dtype=complex)
+        self._base, self._moments = np.array([-np.inf]), np.zeros((len(signals), 3, _SERIES, 1), dtype=complex)
 
     @cached_property
     def drift(self) -> FloatArray:
         """Sums (C, 4) of the samples times 1, s, s² and s³."""
-        return self.grid.drift(self.samples)
+        parts = (self.samples @ self.grid.powers).reshape(-1, self.grid.middle.size * _DRIFT)
+        return np.asarray(parts @ self.grid.shifts[:_DRIFT].reshape(_DRIFT, -1).T)
 
     def sums(self, omega: float, harmonics: int, others: FloatArray) -> ComplexArray:
         """Sums (C, 3, F) of the samples times 1, s or s² and e^{-jωu}, at multiples of omega and at others [rad/s].
@@ -125,8 +113,6 @@ class Blocks:
 
     def _nearest(self, frequency: FloatArray) -> tuple[IntArray, FloatArray]:
         """Place of the moments with the nearest frequency, and the turn at the ends of the record from there [rad]."""
-        if not self._base.size:
-            return np.zeros(frequency.size, dtype=int), np.full(frequency.size, np.inf)
         turns = (frequency[:, None] - self._base) * self.grid.half
         place = np.abs(turns).argmin(axis=1)
         return place, turns[np.arange(place.size), place]
@@ -171,36 +157,42 @@ class Sines:
         From s³ on, the cube of the time within a block is left out.
         """
         within = min(orders, _WITHIN)
-        parts = self._parts(samples, within)
+        parts = self._parts(samples, within, self.omega.size)
         flat = parts.reshape(len(parts), -1, parts.shape[3]).view(float)
         shifts = self._grid.shifts[:orders, :, :within].reshape(orders, -1)
         return np.asarray((shifts @ flat).view(complex))
 
-    def quarters(self, samples: FloatArray) -> ComplexArray:
-        """Sums (C, 4) over the quarters of the record of samples (C M, B) times the first of the sinusoids."""
-        first = np.ascontiguousarray(self._inside[:, :1])
-        parts = (samples @ first.view(float)).view(complex).reshape(-1, self._grid.middle.size)
-        return np.asarray((parts * self._middle[:, 0]).reshape(len(parts), 4, -1).sum(axis=2))
+    def between(self, samples: FloatArray, edges: IntArray) -> ComplexArray:
+        """Sums (C, n - 1) of samples (C M, B) times the first of the sinusoids, between places (n,) from 0 to N."""
+        size, blocks = self._grid.inside.size, self._grid.middle.size
+        block = np.minimum(edges // size, blocks - 1)
+        before = np.cumsum(self._parts(samples, 1, 1)[:, :, 0, 0], axis=1)[:, block - 1] * (block > 0)
+        within = np.arange(size) < (edges - block * size)[:, None]
+        rest = (samples.reshape(-1, blocks, size)[:, block] * within) @ self._inside[:, 0]
+        return np.diff(before + rest * self._middle[block, 0])
 
-    def _parts(self, samples: FloatArray, orders: int) -> ComplexArray:
-        """Sums (C, M, orders, F) over the blocks of samples (C M, B) times powers of s from a middle, and e^{-jωu}."""
-        parts = (samples @ self._within(orders)).view(complex)
-        made = parts.reshape(-1, self._grid.middle.size, orders, self.omega.size)
-        made *= self._middle[:, None]
+    def _parts(self, samples: FloatArray, orders: int, count: int) -> ComplexArray:
+        """Sums (C, M, orders, F) over the blocks of samples (C M, B) times powers of s from a middle, and e^{-jωu}.
+
+        `count` is F, the number of the first frequencies.
+        """
+        made = (samples @ self._within(orders, count)).view(complex).reshape(-1, self._grid.middle.size, orders, count)
+        made *= self._middle[:, None, :count]
         return np.asarray(made)
 
-    def beside(self, samples: FloatArray, offset: float, reach: int) -> ComplexArray:
+    def beside(self, samples: FloatArray, count: int, offset: float, reach: int) -> ComplexArray:
         """Sums (C, F, 2 J + 1) of samples (C M, B) times e^{-j(ω + nd)u}, n from -J to J, for a small offset d [rad/s].
 
+        `count` is F, the number of the first frequencies.
         Within a block the turn n·d·u is expanded to its cube: with n·d·u at most 0.25, a sum is off by at most 2e-4 of
         what the samples hold beside it.
         """
         grid, steps = self._grid, np.arange(-reach, reach + 1)
         turning = np.empty((grid.middle.size, steps.size), dtype=complex)
         geometric(np.exp(-1j * offset * grid.middle), turning, np.exp(1j * reach * offset * grid.middle))
-        parts = self._parts(samples, 4)
+        parts = self._parts(samples, 4, count)
         rows = parts.transpose(2, 0, 3, 1).reshape(-1, grid.middle.size) @ turning
-        along = rows.reshape(4, len(parts), parts.shape[3], steps.size)
+        along = rows.reshape(4, len(parts), count, steps.size)
         turn = -1j * grid.half * offset * steps
         return np.asarray(along[0] + turn * (along[1] + turn / 2 * (along[2] + turn / 3 * along[3])))
 
@@ -214,15 +206,13 @@ class Sines:
         parts[:, :, : 2 * orders * count] = each.reshape(channels, grid.middle.size, -1).view(float)
         along = drift @ grid.shifts[:_DRIFT].reshape(_DRIFT, -1)
         parts[:, :, 2 * orders * count :] = along.reshape(channels, -1, _DRIFT)
-        table = np.concatenate([self._within(orders), grid.powers], axis=1)
+        table = np.concatenate([self._within(orders, count), grid.powers], axis=1)
         return grid.joined(parts.reshape(-1, parts.shape[2]) @ table.T)
 
-    def _within(self, orders: int) -> FloatArray:
+    def _within(self, orders: int, count: int) -> FloatArray:
         """Cosines and minus sines (B, 2 orders F) in a block, times the powers of s from the block's middle."""
-        if orders == 1:
-            return self._inside.view(float)
         powers = self._grid.powers[:, :orders, None]
-        return (self._inside[:, None] * powers).reshape(len(self._inside), -1).view(float)
+        return (self._inside[:, None, :count] * powers).reshape(len(powers), -1).view(float)
 
 
 def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int) -> FloatArray:

@@ -86,10 +86,18 @@ class TermRows(Protocol):
         They are (4, 2, 2) and (4, 2, C).
         """
 
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        """Sums (C, harmonics, 2 J + 1) of a residual times the turns beside harmonics; see `Sines.beside`."""
+
 
 def rows_of(track: Track, terms: Terms) -> TermRows:
     """The rows of terms on a track: closed formulas, or a table where a reference gives the phase."""
     return _Uniform(track, terms) if track.course is None else _Table(track, terms, track.course)
+
+
+def _quarters(track: Track) -> IntArray:
+    """First sample of each quarter of a record, and the number of samples."""
+    return np.linspace(0, track.time.size, 5).astype(int)
 
 
 class _Layout:
@@ -183,6 +191,11 @@ class _Uniform:
         self._rows = layout.rows * (self._blocks.grid.half**layout.seconds)[:, None]
         self.size, self.lead = layout.size, 0.5 * float(track.time[0] + track.time[-1])
 
+    @cached_property
+    def waves(self) -> Sines:
+        """The sines on the blocks of the samples."""
+        return Sines(self._blocks.grid, self._terms.omega, self._terms.harmonics, self._terms.lines)
+
     def products(self) -> FloatArray:
         layout, track = self._layout, self._track
         sums = sums_without_samples(self._terms.differences(), track.time.size, track.exact_rate, 2 * DRIFT - 2)
@@ -208,23 +221,26 @@ class _Uniform:
         each = np.zeros((len(flat), DRIFT, layout.sines + 1), dtype=complex)
         fitted = layout.frequency.size - layout.sines - 1
         each.reshape(len(each), -1)[:, layout.atoms[:fitted]] = flat.view(complex)[:, :fitted]
-        waves = Sines(self._blocks.grid, terms.omega, terms.harmonics, terms.lines)
-        made = waves.wave(each[:, : 3 if terms.unsteady else 1, :-1], each[:, :, -1].real)
+        made = self.waves.wave(each[:, : 3 if terms.unsteady else 1, :-1], each[:, :, -1].real)
         return made if self._track.known == self._track.time.size else made * self._track.present
 
     def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        grid, track, omega = self._blocks.grid, self._track, self._terms.omega
-        once, turn = Sines(grid, omega, 1, np.empty(0)), omega / track.exact_rate
-        counts, middles = np.diff(grid.edges).astype(float), grid.edges[1:] + grid.edges[:-1] - track.time.size
+        track, edges, turn = self._track, _quarters(self._track), self._terms.omega / self._track.exact_rate
+        counts, middles = np.diff(edges).astype(float), edges[1:] + edges[:-1] - track.time.size
         double = np.exp(1j * turn * middles) * (np.sin(turn * counts) / np.sin(turn))  # sums of the square of the turn
         if track.known < track.time.size:
             gone = np.flatnonzero(~track.present)
-            quarter = np.searchsorted(grid.edges, gone, "right") - 1
+            quarter = np.searchsorted(edges, gone, "right") - 1
             counts -= np.bincount(quarter, minlength=4)
             np.subtract.at(double, quarter, np.exp(1j * turn * (2 * gone + 1 - track.time.size)))
         normal = [[counts + double.real, -double.imag], [-double.imag, counts - double.real]]
-        sums = once.quarters(grid.split(residual))
+        sums = self.waves.between(self._blocks.grid.split(residual), edges)
         return 0.5 * np.transpose(normal, (2, 0, 1)), np.stack([sums.real, sums.imag]).transpose(2, 0, 1)
+
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        omega = self._terms.omega * np.arange(1, harmonics + 1)[:, None] + offset * np.arange(-reach, reach + 1)
+        sums = self.waves.beside(self._blocks.grid.split(residual), harmonics, offset, reach)
+        return np.asarray(sums * np.exp(-1j * self.lead * omega))
 
     def _rows_at(self, flags: BoolArray) -> FloatArray:
         """All rows at the samples that are flagged."""
@@ -282,9 +298,14 @@ class _Table:
         return coefficients.T @ self._rows
 
     def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        edges = np.linspace(0, residual.shape[1], 5).astype(int).tolist()
-        parts = [(self._rows[:2, low:high], residual[:, low:high]) for low, high in pairwise(edges)]
+        parts = [(self._rows[:2, low:high], residual[:, low:high]) for low, high in pairwise(_quarters(self._track))]
         return np.stack([rows @ rows.T for rows, _ in parts]), np.stack([rows @ left.T for rows, left in parts])
+
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        time, steps = self._track.time, np.arange(-reach, reach + 1)
+        steady = self._terms.omega * np.arange(1, harmonics + 1)[:, None] * time + self._course.turn
+        sums = np.fft.fft(residual[:, None] * np.exp(-1j * steady), axis=-1)[..., steps]
+        return np.asarray(sums * np.exp(-1j * offset * steps * time[0]))
 
     def _carrier(self) -> ComplexArray:
         return np.asarray(np.exp(1j * (self._terms.omega * self._track.time + self._course.turn)))

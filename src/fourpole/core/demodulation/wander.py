@@ -112,19 +112,14 @@ def _may_wander(recording: Recording, steady: Demodulation, share: float) -> boo
     """Whether the amplitude of V1 varies enough for its residual to fall to a share when the variation is followed."""
     if recording.reference is not None:
         return True
-    amplitude = _amplitude(recording, float(steady.phasors.omega))
+    omega = float(steady.phasors.omega)
+    over_time = recording.made.get(ENVELOPE) or envelope([_motion(recording)], omega)
+    amplitude = over_time.amplitudes["motion_in"] * np.exp(1j * (over_time.omega - omega) * over_time.time)
     there = amplitude[np.isfinite(amplitude)]
     if there.size < _FEWEST_STRETCHES:
         return False
     residual = steady.noise_ratio[CHANNELS.index("motion_in")] * np.abs(np.mean(there))
     return bool(np.var(there) * _of_all_harmonics(recording, steady) > _SEEN * (1.0 - share**2) * residual**2)
-
-
-def _amplitude(recording: Recording, omega: float) -> ComplexArray:
-    """Amplitude of V1 in stretches against a phase that advances at omega [rad/s]."""
-    over_time = recording.made.get(ENVELOPE) or envelope([_motion(recording)], omega)
-    turned = np.exp(1j * (over_time.omega - omega) * over_time.time)
-    return np.asarray(over_time.amplitudes["motion_in"] * turned)
 
 
 def _of_all_harmonics(recording: Recording, steady: Demodulation) -> float:
