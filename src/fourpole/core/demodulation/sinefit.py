@@ -220,16 +220,15 @@ def _newton_step(
     bend = others = energy = 0.0
     for i, fit in enumerate(fits):
         weight = 1.0 / fit.variance if weights is None else weights[i]
-        size, moving = fit.size, 2 * fit.sines.size
         slopes = _slopes(fit, informing[i], free=free)
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        shared = fit.inner[:size, size:-2]
-        apart = fit.inner[size:-2, size:-2] - shared.T @ (fit.inverse @ shared)
+        shared = fit.inner[: fit.size, fit.size : -2]
+        apart = fit.inner[fit.size : -2, fit.size : -2] - shared.T @ (fit.inverse @ shared)
         along, weighted = (apart @ slopes).reshape(len(slopes), -1), (slopes * weight).reshape(len(slopes), -1)
         own = np.array([0, *range(start, start + fit.lines.size)])
         start += fit.lines.size
         normal[own[:, None], own] += weighted @ along.T
-        right[own] += weighted @ fit.right[:moving].reshape(-1)
+        right[own] += weighted @ fit.right[:-2].reshape(-1)
         # The residual along the second derivative of the model, and how far that of the other harmonics scatters if
         # the residual is white.
         bend -= float((fit.coefficients[:2] * fit.right[-2:]).sum(axis=0) @ weight)

@@ -155,7 +155,7 @@ def _steady(stretches: Envelope, speed: FloatArray, part: slice) -> tuple[BoolAr
     spread = np.sqrt(np.add.reduce(off[:, half] ** 2, axis=1, keepdims=True) / (half.stop - half.start))
     steady = off < np.maximum(_WITHIN, _DEVIATIONS * spread)
     rough = off > np.maximum(_ROUGH, 2 * _DEVIATIONS * spread)
-    return steady.all(axis=0), rough.any(axis=0)
+    return np.asarray(steady.all(axis=0)), np.asarray(rough.any(axis=0))
 
 
 def _cut(steady: BoolArray) -> int:
