@@ -74,7 +74,7 @@ def shown(power):
     bins = np.full((1, 640), np.log(2.0))
     bins[0, 100] = power
     with patch.object(spectrum, "_power", lambda spectrum: bins):
-        return spectrum.find_lines(np.zeros((1, 1278)), 1.0, np.zeros(1))[0].size
+        return spectrum.find_lines(np.zeros((1, 1278)), 1.0, np.zeros(1)).size
 
 
 def white(frequency):

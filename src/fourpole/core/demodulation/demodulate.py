@@ -14,7 +14,6 @@ from fourpole.core.demodulation.halves import changes_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
-    HIDES,
     LINE_GAP,
     Noise,
     find_lines,
@@ -287,34 +286,28 @@ def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float 
 
     If a line is too close to a harmonic to be separated from it, that harmonic becomes unsteady instead.
     """
-    more = [True] * len(fits)
     for number in range(_LINE_PASSES):
-        stated = mains if number == 0 else None
-        wider = [_with_lines(fit, stated) if search else (fit, False) for fit, search in zip(fits, more, strict=True)]
-        if all(one is fit for (one, _), fit in zip(wider, fits, strict=True)):
+        wider = [_with_lines(fit, mains if number == 0 else None) for fit in fits]
+        if all(more is None for more in wider):
             break
-        fits, _ = refine([one for one, _ in wider], informing=informing, free=free)
-        more = [hides for _, hides in wider]
+        fits = [fit if more is None else more for fit, more in zip(fits, wider, strict=True)]
+        fits, _ = refine(fits, informing=informing, free=free)
     return fits
 
 
-def _with_lines(fit: SineFit, mains: float | None) -> tuple[SineFit, bool]:
-    """The fit with the lines of its residual and of `mains`, and whether these may hide others.
-
-    It is the same fit if there are no lines or too few samples.
-    """
+def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
+    """The fit with the lines of its residual and of `mains`; None if there are no lines or too few samples."""
     rate = fit.track.exact_rate
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
-    shown, strongest = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
+    shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
     lines, unsteady = _new_terms(
         fit, np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
     )
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
     if not more or fit.dof < 4 * (fit.size + more):
-        return fit, False
-    hides = strongest > HIDES or unsteady != fit.unsteady
-    return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady), hides
+        return None
+    return fit.at(fit.omega, np.concatenate([fit.lines, 2 * np.pi * lines]), unsteady)
 
 
 def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray:

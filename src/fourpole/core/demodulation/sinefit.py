@@ -166,7 +166,7 @@ def refine(
     before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
         step, std, neglected, spread = _newton_step(fits, informing, weights, free=free)
-        # A line reaches a harmonic by its leakage: with so large an error of its frequency, that has 1e-3 of its own.
+        # An error of a line's frequency reaches a harmonic by leakage only: less of it counts.
         leakage = np.concatenate([[1.0], *map(_leakage, fits)])
         if (np.abs(step) * leakage < np.maximum(1e-12 * bin_width, _LEFT * std)).all():
             break
@@ -189,10 +189,11 @@ def refine(
 def _leakage(fit: SineFit) -> FloatArray:
     """Error of a harmonic by that of the frequency of each line (L,), both over their uncertainties, at most [1].
 
-    If the residual is white, it is the root of 3 over the phase between the two at the ends of the record.
+    If the residual is white, it is the root of 3 over the phase between the two at the ends of the record, here with
+    the margin `_LEFT_OVER`.
     """
     gap = np.abs(fit.lines[:, None] - fit.omega * np.arange(1, fit.harmonics + 1)).min(axis=1)
-    return np.minimum(np.sqrt(12.0) / ((fit.track.time[-1] - fit.track.time[0]) * gap), 1.0)
+    return np.minimum(_LEFT_OVER * np.sqrt(12.0) / ((fit.track.time[-1] - fit.track.time[0]) * gap), 1.0)
 
 
 def _newton_step(

@@ -15,9 +15,6 @@ from fourpole.core.demodulation.sums import Blocks, Sines
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
-#: Power over the noise from which a line may hide others: the side lobes of a Hann window are below 6e-4 of it beyond
-#: `LINE_GAP`, so that those of a weaker line do not exceed the noise.
-HIDES = 1000.0
 #: Closest that a line may lie to a fitted frequency, in bins of 1/T.
 LINE_GAP = 2.5
 _BLOCK = 64
@@ -178,11 +175,10 @@ def peak_place(spectrum: FloatArray, index: int) -> float:
     return index + _vertex(spectrum[max(index - 1, 0) : index + 2] ** 2)
 
 
-def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> tuple[FloatArray, float]:
+def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> FloatArray:
     """Frequencies [Hz] of the lines that stand out of the residual's noise in any channel, strongest first.
 
-    The second value is the power of the strongest over the noise, 0 without lines. Lines with an amplitude below
-    `least` (channels,) are ignored.
+    Lines with an amplitude below `least` (channels,) are ignored.
     """
     count = residual.shape[1]
     spectra = np.empty((len(residual), count // 2 + 1), dtype=complex)
@@ -194,8 +190,7 @@ def find_lines(residual: FloatArray, rate: float, least: FloatArray) -> tuple[Fl
     middle = excess[1:-1]
     peaks = np.flatnonzero((middle > LINE_LIMIT) & (middle >= excess[:-2]) & (middle > excess[2:])) + 1
     peaks = peaks[np.argsort(-excess[peaks])]
-    places = [index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]
-    return np.array(places) * (rate / count), float(excess[peaks[0]]) if peaks.size else 0.0
+    return np.array([index + _vertex(excess[index - 1 : index + 2]) for index in peaks.tolist()]) * rate / count
 
 
 def _power(spectrum: ComplexArray) -> FloatArray:
@@ -291,8 +286,7 @@ def _white(fits: Sequence[SineFit], rate: float) -> Noise:
     """White noise of the level of each fit's residual, without correlation between fits."""
     blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.track.known) for fit in fits]
     dof = min(fit.dof for fit in fits)
-    whole, start = np.zeros((sum(map(len, blocks)),) * 2, dtype=complex), 0
-    for block in blocks:
-        whole[start : start + len(block), start : start + len(block)] = block
-        start += len(block)
-    return Noise(whole, (0.0, 0.5 * rate), float(max(dof, 1)))
+    whole = np.block(
+        [[one if one is other else np.zeros((len(one), len(other))) for other in blocks] for one in blocks]
+    )
+    return Noise(whole.astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

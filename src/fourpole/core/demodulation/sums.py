@@ -100,22 +100,19 @@ class Blocks:
         The samples are gone through only for frequencies that are far from all before.
         """
         frequency = np.concatenate([omega * np.arange(1, harmonics + 1), others])
-        place, turn = self._nearest(frequency)
-        far = np.abs(turn) > _NEAR
-        if far.any():
+        for _ in range(2):
+            turns = (frequency[:, None] - self._base) * self.grid.half
+            place = np.abs(turns).argmin(axis=1)
+            turn = turns[np.arange(place.size), place]
+            far = np.abs(turn) > _NEAR
+            if not far.any():
+                break
             new = Sines(self.grid, omega, harmonics if far[:harmonics].any() else 0, others[far[harmonics:]])
             moments = new.moments(self.samples)[:, _EXPONENTS.T + np.arange(3)[:, None]]
             self._base = np.concatenate([self._base, new.omega])
             self._moments = np.concatenate([self._moments, moments], axis=3)
-            place, turn = self._nearest(frequency)
         series = (-1j * turn) ** _EXPONENTS * _SHARES
         return np.add.reduce(self._moments.take(place, axis=3) * series, axis=2)
-
-    def _nearest(self, frequency: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Place of the moments with the nearest frequency, and the turn at the ends of the record from there [rad]."""
-        turns = (frequency[:, None] - self._base) * self.grid.half
-        place = np.abs(turns).argmin(axis=1)
-        return place, turns[np.arange(place.size), place]
 
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
