@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,7 @@ class Recording:
         kept = {key: channel for key, channel in self.channels.items() if key != name}
         return replace(self, channels=kept)
 
-    @property
+    @cached_property
     def span(self) -> tuple[float, float]:
         """Start and end of the time that all channels and the reference cover, half an interval beyond samples [s]."""
         spans = []
@@ -295,10 +296,13 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     if not np.all(np.isfinite(time)):
         row = int(np.argmin(np.isfinite(time)))
         raise RecordingError(f"time is missing at sample {row + 1}; fill it in, or state sample_rate for the channels")
-    increments = np.diff(time)
-    shortest, longest = float(increments.min()), float(increments.max())
     index, since = np.arange(time.size) - 0.5 * (time.size - 1), time - time[0]
     step = float(index @ since / (index @ index))  # of the uniform grid nearest to the stamps
+    off_grid = np.abs(since - since.mean() - step * index)
+    if off_grid.max() <= 1e-6 * step:
+        return step, ""
+    increments = np.diff(time)
+    shortest, longest = float(increments.min()), float(increments.max())
     stamps = _resolution(time, since, step) if shortest >= 0 < step else np.zeros(1)
     # where stamps of a uniform clock repeat because they are rounded
     coarse = (np.broadcast_to(stamps, time.shape)[1:] > _COARSE * step) & (time.size > _FEWEST_ROUNDED)
@@ -309,7 +313,6 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
             f"time {how} (from {time[row]:.9g} s to {time[row + 1]:.9g} s); "
             "export the recording again in order of time, without repeated stamps"
         )
-    off_grid = np.abs(since - since.mean() - step * index)
     worst = int(np.argmax(off_grid))
     # stamps within half a unit of a grid lie within (1 + 5/3)/2 units of the fitted one: its ends weigh the rest by 5/3
     rounding = stamps / 2 + 5 / 6 * stamps.max() + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))

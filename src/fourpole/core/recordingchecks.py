@@ -44,7 +44,9 @@ def clipped_share(channel: Channel) -> float:
     """Share of samples [1] at the stated full scale, or in flat tops that no sine of this resolution has."""
     if channel.clipped is not None:
         return channel.clipped
-    samples = channel.samples[np.isfinite(channel.samples)]
+    samples = channel.samples
+    if not (known := np.isfinite(samples)).all():
+        samples = samples[known]
     if samples.size == 0:
         return 0.0
     if channel.limits is not None:
@@ -58,11 +60,9 @@ def clipped_share(channel: Channel) -> float:
 
 def _flat_share(samples: FloatArray) -> float:
     """Share of samples [1] that equal the largest; 0 unless they are far more than at the top of a sine."""
-    top = samples.max()
-    at_top = samples == top
-    count = int(at_top.sum())
-    longest = int(np.max(np.diff(np.flatnonzero(np.concatenate([[True], ~at_top, [True]]))))) - 1
-    if count < 6 or longest < 3:
+    at_top = samples == samples.max()
+    count = np.count_nonzero(at_top)
+    if count < 6 or np.max(np.diff(np.flatnonzero(np.concatenate([[True], ~at_top, [True]])))) < 4:
         return 0.0
     below = samples[~at_top]
     if below.size == 0:

@@ -268,6 +268,8 @@ def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
 
 def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
     """Whether at least half of the cells that are not blank are numbers."""
+    if cells and plain_numbers(cells) is not None:
+        return True
     filled = [cell for cell in cells if not is_missing(cell)]
     return bool(filled) and 2 * sum(number(cell, decimal) is not None for cell in filled) >= len(filled)
 

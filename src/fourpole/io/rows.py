@@ -248,8 +248,9 @@ def _plain_frame(
 
 def _quickly(part: bytes, ending: bytes, table: Table) -> Values | None:
     """The wanted columns as polars reads them; None if the part must be read row by row."""
-    if not table.wanted or part.count(b"\r") > (part.count(b"\r\n") if ending == b"\n" else len(part)):
-        return None  # the part has two kinds of line end
+    two = ending == b"\n" and b"\r" in part and part.count(b"\r") > part.count(b"\r\n")  # kinds of line end
+    if two or not table.wanted:
+        return None
     layout, numbers = table.layout, table.numbers
     last = layout.width - 1
     indices = sorted({*table.wanted.values(), last})

@@ -9,7 +9,7 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
-from fourpole.core.demodulation import demodulate, halves, sinefit, spectrum, spoilt, steady, tracks, wander
+from fourpole.core.demodulation import demodulate, halves, spectrum, spoilt, steady, tracks, wander
 from fourpole.core.demodulation.spectrum import Line
 from fourpole.core.recording import Recording
 from fourpole.errors import RecordingError
@@ -42,9 +42,8 @@ def first_line(apart):
     """The first guess [Hz] near 10 Hz, by the distance of the weaker one of two lines."""
     recording = SimpleNamespace(channels={"motion_in": SimpleNamespace(quantity="velocity")})
     lines = [Line(20.0, 20.0, 1.0), Line(10 * (1 + apart), 10 * (1 + apart), 0.5)]
-    parts = {"strongest_lines": lambda *given, **how: lines, "_without_trend": lambda track: None}
-    with patch.multiple(demodulate, **parts):
-        return demodulate._strongest(recording, SimpleNamespace(rate=1e3), 10.0)
+    with patch.object(demodulate, "strongest_lines", lambda *given, **how: lines):
+        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, trendless=None), 10.0)
 
 
 def harmonic(number, size=0.01):
@@ -157,7 +156,7 @@ def long_enough(count):
     stretches = SimpleNamespace(amplitudes={"motion_in": np.ones(40)}, time=np.arange(40.0), omega=1.0, hop=1.0)
     parts |= {"_bridged": lambda *given: stretches, "_trimmed": lambda *given: (2, 2 + count)}
     with patch.multiple(steady, **parts):
-        return steady.steady_part(SimpleNamespace(channels={}, span=(0.0, 40.0)), 1.0) is not None
+        return steady.steady_part(SimpleNamespace(channels={}, span=(0.0, 40.0), made={}), 1.0) is not None
 
 
 def samples(count, missing=0, largest=1.0):
@@ -196,7 +195,8 @@ def wanders(swing):
 def varies(energy=1.0, count=40):
     """Whether V1 may wander, by the variance of its amplitude over a quarter of what the residual must lose."""
     amplitude = 1.0 + np.sqrt(0.25 * energy * 0.75) * 0.1 * (-1.0) ** np.arange(count) + 0j
-    made, recording = SimpleNamespace(amplitudes={"motion_in": amplitude}), SimpleNamespace(reference=None)
+    made = SimpleNamespace(amplitudes={"motion_in": amplitude}, omega=1.0, time=0.0)
+    recording = SimpleNamespace(reference=None, made={})
     state = SimpleNamespace(noise_ratio=np.full(3, 0.1), phasors=SimpleNamespace(omega=1.0))
     parts = {"envelope": lambda *given: made, "_motion": lambda *given: None, "_of_all_harmonics": lambda *given: 1.0}
     with patch.multiple(wander, **parts):
@@ -225,14 +225,6 @@ def half(condition):
     """Whether a part of a recording has enough of a cycle, by its condition number."""
     fit = SimpleNamespace(track=SimpleNamespace(names=("a",)), coefficients=np.zeros((2, 1)))
     return bool(np.isfinite(halves._amplitudes(fit, np.diag([condition, 1.0])[None], np.ones((1, 2, 1)))[0, 0]))
-
-
-def small(turn, line=0.0):
-    """Whether a step of the frequencies is small, by its second order and by what it leaves of a line, in u."""
-    fit = SimpleNamespace(harmonics=1, sines=np.zeros(2), omega=1e12, lines=np.array([1e9]), shift=np.zeros(2))
-    fit.track, fit.variance = SimpleNamespace(time=np.zeros(2), exact_rate=1.0, known=2), np.ones(1)
-    fit.coefficients = np.array([[1.0], [0.0], [0.0], [0.0]])
-    return sinefit._is_small(fit, np.array([np.sqrt(6 * turn), 10 * line]), np.sqrt(2.0))
 
 
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
@@ -300,8 +292,6 @@ EDGES = {
     "wander that matters, 3 u": (changed, {2.97: False, 3.03: True}),
     "wander that matters, half of the uncertainty": (lambda x: changed(1.5, x), {1.98: False, 2.02: True}),
     "part of a recording, condition number of 10": (half, {9.9: True, 10.1: False}),
-    "step of a frequency, 0.03 % of u by its second order": (small, {2.97e-4: True, 3.03e-4: False}),
-    "step of a line, 0.1 % of u": (lambda x: small(0.0, x), {0.99e-3: True, 1.01e-3: False}),
 }  # fmt: skip
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fourpole.core.demodulation.spectrum import find_lines, noise_beside, strongest_lines
+from fourpole.core.demodulation.terms import Terms, rows_of
+from fourpole.core.demodulation.tracks import Track
 
 RATE, SAMPLES = 1000.0, 2000
 TIME = np.arange(SAMPLES) / RATE
@@ -17,10 +19,11 @@ def left(residual, present, dof, frequency, lines=NO_LINES):
     """What the spectra take of a fit at a frequency, with a given residual."""
     samples = residual.shape[1]
     time = (np.arange(samples) - 0.5 * (samples - 1)) / RATE
+    track = Track(("motion_in",) * len(residual), residual, present, time, RATE)
     return SimpleNamespace(
         residual=residual,
-        track=SimpleNamespace(present=present, known=int(present.sum()), time=time, course=None, exact_rate=RATE),
-        rows=SimpleNamespace(lead=0.0),
+        track=track,
+        rows=rows_of(track, Terms(2 * np.pi * frequency, 5, NO_LINES, ())),
         omega=2 * np.pi * frequency,
         lines=2 * np.pi * lines,
         dof=dof,

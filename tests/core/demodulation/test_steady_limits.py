@@ -26,7 +26,7 @@ def part(monkeypatch):
         monkeypatch.setattr(steady, "tracks_of", lambda *given: [])
         monkeypatch.setattr(steady, "envelope", lambda *given: made)
         half = (count - 1) / 2 * hop
-        recording = SimpleNamespace(channels=dict.fromkeys(CHANNELS), span=(-half, half))
+        recording = SimpleNamespace(channels=dict.fromkeys(CHANNELS), span=(-half, half), made={})
         span = steady_part(recording, FREQUENCY)
         return None if span is None else tuple(round((at + half) / hop) for at in span)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,9 +170,10 @@ def demodulate(
     A harmonic of the excitation within 2.5 bins (1/T) of a multiple of 50 Hz, 60 Hz or `mains`, or of a line found,
     does not inform the frequency, so hum at that harmonic does not bias the frequency. The harmonic includes such hum.
 
-    Samples are gone through once for each set of frequencies that is tried, as sums over blocks; gaps and interfering
-    lines are held exactly. Along a reference, and along the phase of a wandering drive, sines have no such sums: a
-    table of them is made, which takes about three times as long (`fourpole.core.demodulation.terms.rows_of`).
+    Samples are gone through once, as sums over blocks times powers of the time, from which the sums at all frequencies
+    that are tried near by follow; gaps and interfering lines are held exactly. Along a reference, and along the phase
+    of a wandering drive, sines have no such sums: a table of them is made for each set of frequencies, which takes
+    several times as long (`fourpole.core.demodulation.terms.rows_of`).
 
     References
     ----------
@@ -196,7 +198,7 @@ def demodulate(
         frequency = start if start is not None else _strongest(recording, tracks[0], near)
     _check_length(recording, tracks, frequency, given=not free)
     if free:
-        frequency = sharpened(_without_trend(tracks[0]), tracks[0].rate, frequency)
+        frequency = sharpened(tracks[0].trendless, tracks[0].rate, frequency)
     fits, informing = [], []
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / frequency)))
@@ -214,12 +216,11 @@ def demodulate(
 
 def _weights(fits: list[SineFit], noise: Noise) -> list[FloatArray]:
     """Inverse variances of the samples of each channel, for white noise of the level beside the frequency."""
-    variances = np.split(np.diag(noise.covariance).real, np.cumsum([len(fit.track.signals) for fit in fits])[:-1])
-    weights = []
-    for fit, variance in zip(fits, variances, strict=True):
-        white = np.maximum(variance, 0.0) * fit.track.known / 4.0
-        floor = np.max(np.abs(fit.track.signals), axis=1) ** 2 * 1e-30 + 1e-300
-        weights.append(1.0 / np.maximum(white, floor))
+    weights, variances = [], noise.covariance.diagonal().real
+    for fit in fits:
+        track, variance = fit.track, variances[: len(fit.track.signals)]
+        variances = variances[variance.size :]
+        weights.append(1.0 / np.maximum(variance * (track.known / 4.0), track.energy * (1e-30 / track.known) + 1e-300))
     return weights
 
 
@@ -232,7 +233,11 @@ def first_guess(recording: Recording, near: float | None = None) -> float:
     >>> round(first_guess(Recording.from_arrays(t, force_in=t, motion_in=np.sin(2 * np.pi * 10.3 * t))), 1)
     10.3
     """
-    return float(_strongest(recording, tracks_of(recording, ["motion_in"])[0], near))
+    with suppress(RecordingError):
+        tracks = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])
+        if len(tracks) == 1 and tracks[0].known == tracks[0].time.size:
+            return _strongest(recording, tracks[0], near)
+    return _strongest(recording, tracks_of(recording, ["motion_in"])[0], near)
 
 
 def _strongest(recording: Recording, track: Track, near: float | None) -> float:
@@ -240,17 +245,9 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
-    lines = strongest_lines(_without_trend(track), track.rate, order=order)
+    lines = strongest_lines(track.trendless, track.rate, order=order)
     beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
     return beside[0] if beside else lines[0].frequency
-
-
-def _without_trend(track: Track) -> FloatArray:
-    """V1 (N,) minus its mean and slope."""
-    motion = track.signals[track.names.index("motion_in")]
-    index = np.arange(motion.size) - 0.5 * (motion.size - 1)
-    slope = (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
-    return np.asarray(motion - (motion.mean() + slope * index))
 
 
 def _check_length(recording: Recording, tracks: list[Track], frequency: float, *, given: bool) -> None:
@@ -348,11 +345,17 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     ]
     distortion, noise_ratio, spoilt = np.full((3, 3), np.nan)
     distortion[places] = [_distortion(name, row) for name, row in zip(names, true, strict=True)]
-    rms, inflation, spoilt[places] = _quality(fits)
-    noise_ratio[places] = np.sqrt(2.0) * rms / np.abs([row[0] for row in recorded])
+    sizes, inflation = np.abs([row[0] for row in recorded]), []
+    squares = [np.vecdot(fit.residual, fit.residual) / fit.track.time.size for fit in fits]
+    noise_ratio[places] = np.sqrt(2.0 * np.concatenate(squares)) / sizes
+    spoilt[places] = 0.0
+    for fit in fits:  # the standard deviation of the fundamental over that of a sine fitted alone to as many samples
+        inflation += [np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0)] * len(fit.track.names)
+        if fit.track.spoilt is not None:
+            spoilt[[CHANNELS.index(name) for name in fit.track.names]] = np.mean(fit.track.spoilt, axis=1)
     mixed, talk = without_crosstalk(recording, names, omega)
     to_true = mixed * np.array(
-        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation.tolist(), true, recorded, strict=True)]
+        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation, true, recorded, strict=True)]
     )
     amplitudes = np.full(3, complex(np.nan, np.nan))
     amplitudes[places] = mixed @ np.array([row[0] for row in true])
@@ -374,7 +377,7 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
         noise_ratio=noise_ratio,
         force_peak=_peak_of(true[names.index("force_in")]) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
-        missing=1.0 - min(float(np.mean(fit.track.recorded)) for fit in fits),
+        missing=1.0 - min(np.count_nonzero(fit.track.recorded) / fit.track.time.size for fit in fits),
         spoilt=spoilt,
         changes=changes,
         speed_change=speed_change,
@@ -385,26 +388,12 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     )
 
 
-def _quality(fits: list[SineFit]) -> FloatArray:
-    """Figures (3, channels) of the channels of all fits.
-
-    They are the root mean square of the residual in recorded units, the standard deviation of the fundamental over that
-    of a sine fitted alone to as many samples [1], and the share of drop-outs and spikes among all samples [1].
-    """
-    rows = []
-    for fit in fits:
-        rms = np.sqrt(np.einsum("ij,ij->i", fit.residual, fit.residual) / fit.track.time.size)
-        inflation = np.full_like(rms, np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0))
-        spoilt = np.zeros_like(rms) if fit.track.spoilt is None else np.mean(fit.track.spoilt, axis=1)
-        rows.append(np.stack([rms, inflation, spoilt]))
-    return np.concatenate(rows, axis=1)
-
-
 def _distortion(role: str, amplitudes: ComplexArray) -> float:
     """Root of the summed squares of the harmonics over the fundamental, of a force or a displacement [1]."""
+    sizes = np.abs(amplitudes)
     # Harmonic n of a velocity is n times that of its displacement, both over their fundamentals.
-    numbers = 1.0 if role == "force_in" else np.arange(1.0, amplitudes.size + 1)
-    return float(np.sqrt(np.sum(np.abs(amplitudes / numbers)[1:] ** 2)) / np.abs(amplitudes[0]))
+    over = sizes[1:] if role == "force_in" else sizes[1:] / np.arange(2.0, sizes.size + 1)
+    return float(np.sqrt(over @ over) / sizes[0])
 
 
 def _harmonics(
@@ -417,12 +406,12 @@ def _harmonics(
     """As many harmonics as there are noises, from the amplitudes of each channel: in recorded units, and true."""
     count = len(noises)
     amplitudes, std = np.full((3, count), complex(np.nan, np.nan)), np.full((3, count), np.nan)
-    stds = np.sqrt(0.5 * np.abs([np.diag(noise.covariance) for noise in noises]))
-    for i, (place, raw, whole) in enumerate(zip(places, recorded, true, strict=True)):
-        amplitudes[place] = whole[:count]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.abs(whole[:count] / raw[:count])
-        std[place] = stds[:, i] * np.where(np.isfinite(scale), scale, 0.0)
+    stds = np.sqrt(0.5 * np.abs([noise.covariance.diagonal() for noise in noises])).T
+    raw, whole = (np.array([row[:count] for row in rows]) for rows in (recorded, true))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.abs(whole / raw)
+    scale[~np.isfinite(scale)] = 0.0
+    amplitudes[places], std[places] = whole, stds * scale
     # Only hum of the mains can stand at a harmonic: other lines are in the fit themselves.
     multiples = fits[0].omega / (2 * np.pi) * np.arange(1, count + 1)
     gap = (LINE_GAP + 1.0) * max(fit.resolution for fit in fits)

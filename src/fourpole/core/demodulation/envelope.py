@@ -16,6 +16,8 @@ Turn: TypeAlias = Callable[[FloatArray], FloatArray]
 
 #: Length and distance of stretches, in cycles: a Hann window of this length suppresses mean and double frequency.
 _LENGTH, _HOP = 4.0, 2.0
+#: Where a recording keeps the envelope of its channels at a first guess of the frequency.
+ENVELOPE = "envelope"
 #: Least weighted share of samples present in a stretch: with more missing, mean and harmonics leak.
 _ENOUGH = 0.97
 
@@ -71,12 +73,10 @@ def _windowed(track: Track, omega: float, turn: Turn | None, centres: FloatArray
     signals: FloatArray | ComplexArray = track.signals
     if turn is not None:
         signals = track.signals * np.exp(-1j * turn(track.time))
-    rows = []
-    for row in signals:
-        parts = np.ascontiguousarray(sliding_window_view(row, len(table))[starts]) @ table
-        rows.append(parts[:, 0] + 1j * parts[:, 1])
+    stretches = sliding_window_view(signals, window.size, axis=1)[:, starts]
+    rows = (stretches @ table).view(complex)[..., 0] if turn is None else stretches @ inside
     total = np.full(starts.size, window.sum())
     if track.known < track.time.size:
         total = sliding_window_view(track.present, window.size)[starts] @ window
     enough = total > _ENOUGH * whole.sum()
-    return np.where(enough, 2.0 * first * np.stack(rows) / np.where(enough, total, 1.0), complex(np.nan, np.nan))
+    return np.where(enough, 2.0 * first * rows / np.where(enough, total, 1.0), complex(np.nan, np.nan))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -31,40 +30,31 @@ def changes_of(fits: Sequence[SineFit], places: Sequence[int]) -> tuple[FloatArr
     float [1]
         Relative change of the speed of V1.
     """
-    changes = np.full((3, 2), np.nan)
-    quarters = [_products(fit) for fit in fits]
-    pairs = [[rows[0::2] + rows[1::2] for rows in products] for products in quarters]
-    halves = np.concatenate([_amplitudes(fit, *products) for fit, products in zip(fits, pairs, strict=True)])
+    changes, parts = np.full((3, 2), np.nan), []
+    for fit in fits:
+        normal, right = fit.rows.quarters(fit.residual)
+        halves = [np.concatenate([rows, rows[0::2] + rows[1::2]]) for rows in (normal, right)]
+        parts.append(_amplitudes(fit, *halves))
+    amplitudes = np.concatenate(parts)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = halves[:, 1] / halves[:, 0]
+        ratio = amplitudes[:, 5] / amplitudes[:, 4]
+        motion = amplitudes[list(places).index(1)]
+        turned = np.angle(motion[1:4:2] / motion[0:4:2]).tolist()
     changes[list(places), 0], changes[list(places), 1] = np.abs(ratio) - 1.0, np.angle(ratio)
-    motion = _amplitudes(fits[0], *quarters[0])[list(places).index(1)]
-    turned = np.angle(motion[1::2] / motion[0::2])
     time = fits[0].track.time
-    speed = float(np.diff(turned)[0] / (fits[0].omega * 0.25 * (time[-1] - time[0])))
-    return changes, speed
-
-
-def _products(fit: SineFit) -> tuple[FloatArray, FloatArray]:
-    """Inner products of the fundamental's two rows, with themselves and with the residual, in the quarters of a
-    recording: (4, 2, 2), (4, 2, channels).
-    """
-    carrier = fit.rows.carrier()
-    pair = np.stack([carrier.real, -carrier.imag])
-    if fit.dof + fit.size < pair.shape[1]:
-        pair *= fit.track.present
-    edges = np.linspace(0, pair.shape[1], 5).astype(int).tolist()
-    parts = [(pair[:, low:high], fit.residual[:, low:high]) for low, high in pairwise(edges)]
-    return np.stack([rows @ rows.T for rows, _ in parts]), np.stack([rows @ left.T for rows, left in parts])
+    return changes, (turned[1] - turned[0]) / (fits[0].omega * 0.25 * float(time[-1] - time[0]))
 
 
 def _amplitudes(fit: SineFit, normal: FloatArray, right: FloatArray) -> ComplexArray:
-    """Amplitudes (channels, parts) of the fundamental; not-a-number for a part with too little of a cycle."""
-    values = np.full((len(fit.track.names), len(normal)), complex(np.nan, np.nan))
-    for i, matrix in enumerate(normal):
-        trace = matrix[0, 0] + matrix[1, 1]
-        apart = np.hypot(matrix[0, 0] - matrix[1, 1], 2 * matrix[0, 1])
-        if trace > apart and (trace + apart) / (trace - apart) < _WORST:  # the condition number
-            real, imaginary = np.linalg.solve(matrix, right[i]) + fit.coefficients[:2]
-            values[:, i] = real + 1j * imaginary
-    return values
+    """Amplitudes (channels, parts) of the fundamental; not-a-number for a part with too little of a cycle.
+
+    From inner products of its two rows, with themselves (parts, 2, 2) and with the residual (parts, 2, channels).
+    """
+    first, both, second = normal[:, 0, 0], normal[:, 0, 1], normal[:, 1, 1]
+    trace, apart = first + second, np.hypot(first - second, 2 * both)
+    short = (trace + apart) >= _WORST * (trace - apart)  # the condition number
+    inverse = (
+        np.stack([second, -both, -both, first], axis=1) / np.where(short, np.nan, first * second - both**2)[:, None]
+    )
+    found = inverse.reshape(-1, 2, 2) @ right + fit.coefficients[:2]
+    return np.asarray((found[:, 0] + 1j * found[:, 1]).T)

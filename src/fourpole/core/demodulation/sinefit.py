@@ -10,23 +10,21 @@ If a reference gives the phase, the sines follow it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lapack
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.terms import TermRows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
-#: A frequency is identifiable if at least this share of the slope by it is independent of those before it.
+#: A frequency is identifiable if at least this share of the slope by it is independent of the others.
 _ALIKE = 1e-3
 #: Round-off of an energy, relative.
 _ROUND_OFF = 1e-14
-#: A step is taken to first order if its second order is at most this share of an amplitude's standard uncertainty.
-_SECOND = 3e-4
 #: Share of a standard uncertainty that the last step may leave.
 _LEFT = 1e-3
 #: A step leaves at most this multiple of the residual over the slope to the next step, times the leakage of its sine.
@@ -35,6 +33,8 @@ _LEFT_OVER = 3.0
 _MOST_BENT = 0.3
 #: Longest step of a frequency, in bins of 1/T.
 _LONGEST = 0.3
+#: A pair of a cosine and a minus sine a quarter on: the derivative of a sine by its phase.
+_QUARTER = np.array([[-1.0], [1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,28 +45,28 @@ class SineFit(Terms):
     ----------
     track : Track
         The channels fitted, in units of each channel.
+    rows : TermRows
+        The terms as rows over the samples.
     inner : (P + 2 S + 2, P + 2 S + 2) float
         Inner products of the P rows of the terms, of the rows of the S sines times time, and of the fundamental times
         its square.
-    factor : (P, P) float
-        Cholesky factor of the inner products of the rows.
+    inverse : (P, P) float
+        Inverse of the inner products of the rows.
     coefficients : (P, channels) float
         Amplitudes of the rows, in units of each channel.
-    right : (P + 2 S + 2, channels) float
-        Inner products of the rows with the residual; 0 but for round-off for the first P.
+    right : (2 S + 2, channels) float
+        Inner products of the rows after the first P with the residual.
     variance : (channels,) float
         Mean square of the residual over its degrees of freedom, not below its round-off.
-    shift : (1 + L,) float [rad/s]
-        Small step of the fundamental and the lines that was taken to first order.
     """
 
     track: Track
+    rows: TermRows
     inner: FloatArray
-    factor: FloatArray
+    inverse: FloatArray
     coefficients: FloatArray
     right: FloatArray
     variance: FloatArray
-    shift: FloatArray
 
     @property
     def size(self) -> int:
@@ -84,11 +84,6 @@ class SineFit(Terms):
         return self.track.exact_rate / self.track.time.size
 
     @cached_property
-    def rows(self) -> TermRows:
-        """The terms as rows over the samples."""
-        return rows_of(self.track, Terms(self.omega, self.harmonics, self.lines, self.unsteady))
-
-    @cached_property
     def residual(self) -> FloatArray:
         """Signals minus fit (channels, N); 0 for missing samples."""
         model = self.rows.model(self.coefficients)
@@ -102,46 +97,12 @@ class SineFit(Terms):
 
     def amplitude_variance(self) -> float:
         """Variance of the real part of the fundamental's amplitude per unit of sample variance [1]."""
-        return float(0.5 * np.trace(self.solve(np.eye(self.size, 2))[:2]))
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """The inner products of the rows, inverted, times a matrix (P, n)."""
-        return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
+        return 0.5 * float(self.inverse[0, 0] + self.inverse[1, 1])
 
     def at(self, omega: float, lines: FloatArray, unsteady: tuple[int, ...] | None = None) -> SineFit:
         """The same signals fitted at other frequencies."""
         kept = self.unsteady if unsteady is None else unsteady
         return fit_sines(self.track, omega, self.harmonics, lines, kept)
-
-    def moved(self, omega: float, lines: FloatArray) -> SineFit:
-        """The fit after steps of the fundamental and of the lines (L,) [rad/s] that are small enough for first order.
-
-        All harmonics turn, also those that do not inform the frequency.
-        """
-        size, steps = self.size, np.concatenate([omega * np.arange(1, self.harmonics + 1), lines])
-        turned = np.zeros_like(self.coefficients)
-        turned[: 2 * steps.size] = _quarter_on(self.right[size:-2], steps)
-        along = -_quarter_on(self.coefficients[: 2 * steps.size], steps)
-        beside = self.inner[:, size:-2] @ along
-        change = self.solve(turned - beside[:size])
-        right = self.right - beside - self.inner[:, :size] @ change
-        bent = self.right[-2:]
-        right[size : size + 2] += omega * np.stack([bent[1], -bent[0]])
-        return replace(
-            self,
-            omega=self.omega + omega,
-            lines=self.lines + lines,
-            coefficients=self.coefficients + change,
-            right=right,
-            shift=self.shift + np.r_[omega, lines],
-        )
-
-
-def _quarter_on(pairs: FloatArray, steps: FloatArray) -> FloatArray:
-    """Values (2 S, channels) of cosines and minus sines: those of their derivatives by the phase, times steps (S,)."""
-    turned = np.empty_like(pairs)
-    turned[0::2], turned[1::2] = steps[:, None] * pairs[1::2], -steps[:, None] * pairs[0::2]
-    return turned
 
 
 def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, unsteady: tuple[int, ...] = ()) -> SineFit:
@@ -154,16 +115,15 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     rows = rows_of(track, Terms(omega, harmonics, lines, unsteady))
     inner, right = rows.products(), rows.with_signals()
     size = rows.size
-    factor, wrong = lapack.dpotrf(inner[:size, :size], lower=1)
-    if wrong:
+    inverse = np.linalg.inv(inner[:size, :size])
+    if not inverse.diagonal().min() > 0:
         raise np.linalg.LinAlgError("the terms of a fit are not independent")
-    coefficients = lapack.dpotrs(factor, right[:size], lower=1)[0]
-    left = track.energy - np.einsum("ij,ij->j", coefficients, right[:size])
+    coefficients = inverse @ right[:size]
+    left = track.energy - (coefficients * right[:size]).sum(axis=0)
     # The energy left is a difference: its round-off is that of the whole energy.
     variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
-    right = right - inner[:, :size] @ coefficients
-    start = np.zeros(1 + lines.size)
-    return SineFit(omega, harmonics, lines, unsteady, track, inner, factor, coefficients, right, variance, start)
+    right = right[size:] - inner[size:, :size] @ coefficients
+    return SineFit(omega, harmonics, lines, unsteady, track, rows, inner, inverse, coefficients, right, variance)
 
 
 def refine(
@@ -193,8 +153,8 @@ def refine(
 
     Notes
     -----
-    The search ends if all steps are below 1e-3 of the standard uncertainty of their frequency, or with a step that can
-    be taken to first order, without new sums over the samples: what it neglects is below 1e-3 of the uncertainty, too.
+    The search ends if all steps are below 1e-3 of the standard uncertainty of their frequency, or with a step that
+    leaves less than that to the next one.
 
     References
     ----------
@@ -203,47 +163,37 @@ def refine(
     """
     fits = list(fits)
     bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
-    ends = np.cumsum([1, *(fit.lines.size for fit in fits)])
-    before: FloatArray = np.zeros(ends[-1])
+    before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
         step, std, neglected, spread = _newton_step(fits, informing, weights, free=free)
-        if np.all(np.abs(step) < np.maximum(1e-12 * bin_width, _LEFT * std)):
+        # An error of a line's frequency reaches a harmonic by leakage only: less of it counts.
+        leakage = np.concatenate([[1.0], *map(_leakage, fits)])
+        if (np.abs(step) * leakage < np.maximum(1e-12 * bin_width, _LEFT * std)).all():
             break
-        step = np.clip(step, -_LONGEST * bin_width, _LONGEST * bin_width)
-        steps = [np.r_[step[0], own] for own in np.split(step, ends)[1:-1]]
+        step = np.minimum(np.maximum(step, -_LONGEST * bin_width), _LONGEST * bin_width)
         # A line's step leaves the share that the step before it left, or the residual over the slope. The latter alone
         # is no estimate if the noise about the line is far above its mean.
-        size, last = np.abs(step[1:]), np.abs(before[1:] * std[1:])
-        of_lines = np.max(size * np.minimum(size / np.maximum(last, 1e-300), spread), initial=0.0)
-        of_fundamental = abs(step[0] + fits[0].shift[0]) * (neglected + spread * bin_width / fits[0].omega)
-        settled = of_lines < _LEFT and of_fundamental < _LEFT
-        if settled and all(_is_small(fit, own, spread) for fit, own in zip(fits, steps, strict=True)):
-            fits = [fit.moved(own[0], own[1:]) for fit, own in zip(fits, steps, strict=True)]
+        size, last = np.abs(step), np.abs(before * std)
+        rest = size * np.minimum(size / np.maximum(last, 1e-300), spread)
+        rest[0] = size[0] * (neglected + spread * bin_width / fits[0].omega)
+        before, start = step, 1
+        for i, fit in enumerate(fits):
+            end = start + fit.lines.size
+            fits[i] = fit.at(fit.omega + float(step[0]), fit.lines + step[start:end])
+            start = end
+        if (rest * leakage).max() < _LEFT:
             break
-        before = step
-        fits = [fit.at(fit.omega + own[0], fit.lines + own[1:]) for fit, own in zip(fits, steps, strict=True)]
     return fits, float(std[0])
 
 
-def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
-    """Whether what a step (1 + L,) of the frequencies [rad/s] neglects is far below the uncertainty of the harmonics.
+def _leakage(fit: SineFit) -> FloatArray:
+    """Error of a harmonic by that of the frequency of each line (L,), both over their uncertainties, at most [1].
 
-    An error of an interfering line reaches a harmonic by its leakage, 1 / (π bins between them). If the residual is
-    white, the step times `spread` over the root of the samples is what it leaves of the line, over its uncertainty.
+    If the residual is white, it is the root of 3 over the phase between the two at the ends of the record, here with
+    the margin `_LEFT_OVER`.
     """
-    half, numbers = 0.5 * fit.track.time.size / fit.track.exact_rate, np.arange(1, fit.harmonics + 1)
-    pairs = fit.coefficients[: 2 * fit.sines.size]
-    harmonics, lines = np.split(np.hypot(pairs[0::2], pairs[1::2]), [fit.harmonics])
-    turn, turns = np.split(step + fit.shift, [1])
-    # First order leaves half the square of a turn: in the mean 1/6 of that at the ends; leakage is 1 over the cycles.
-    second = ((half * turn * numbers) ** 2 * (1 / 6 + np.pi / (half * fit.omega))) @ harmonics
-    if turns.size:
-        gap = np.abs(fit.lines[:, None] - fit.omega * numbers).min(axis=1)
-        leakage = 1.0 / np.clip(half * gap, 1.0, 10.0)
-        second = second + (0.5 * (half * turns) ** 2 * leakage) @ lines
-        if np.any(np.abs(turns) * (spread / np.sqrt(fit.track.known)) * leakage > _LEFT):
-            return False
-    return bool(np.all(second < _SECOND * np.sqrt(2.0 * fit.variance / fit.track.known)))
+    gap = np.abs(fit.lines[:, None] - fit.omega * np.arange(1, fit.harmonics + 1)).min(axis=1)
+    return np.minimum(_LEFT_OVER * np.sqrt(12.0) / ((fit.track.time[-1] - fit.track.time[0]) * gap), 1.0)
 
 
 def _newton_step(
@@ -271,54 +221,62 @@ def _newton_step(
     bend = others = energy = 0.0
     for i, fit in enumerate(fits):
         weight = 1.0 / fit.variance if weights is None else weights[i]
-        own, sines = [0, *range(start, start + fit.lines.size)], slice(fit.size, -2)
-        start += fit.lines.size
-        # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        shared = fit.inner[: fit.size, sines]
-        apart = fit.inner[sines, sines] - shared.T @ fit.solve(shared)
         slopes = _slopes(fit, informing[i], free=free)
-        along, left = slopes.swapaxes(0, 1).reshape(len(own), -1), weight * fit.right[sines]
-        projected = (weight[:, None, None] * (slopes @ apart)).swapaxes(0, 1).reshape(len(own), -1)
-        normal[np.ix_(own, own)] += along @ projected.T
-        right[own] += along @ left.T.reshape(-1)
+        # The slopes are projected onto the complement of the rows; the residual already lies in it.
+        shared = fit.inner[: fit.size, fit.size : -2]
+        apart = fit.inner[fit.size : -2, fit.size : -2] - shared.T @ (fit.inverse @ shared)
+        along, weighted = (apart @ slopes).reshape(len(slopes), -1), (slopes * weight).reshape(len(slopes), -1)
+        own = np.array([0, *range(start, start + fit.lines.size)])
+        start += fit.lines.size
+        normal[own[:, None], own] += weighted @ along.T
+        right[own] += weighted @ fit.right[:-2].reshape(-1)
         # The residual along the second derivative of the model, and how far that of the other harmonics scatters if
         # the residual is white.
-        bend += float(weight @ -np.einsum("ic,ic->c", fit.coefficients[:2], fit.right[-2:]))
-        numbers = np.repeat(np.arange(2, fit.harmonics + 1) ** 2, 2)[:, None]
-        pairs = fit.coefficients[2 : 2 * fit.harmonics] * numbers
-        squares = np.einsum("ic,ic->c", pairs, pairs) * fit.variance * fit.track.known
-        others += float(weight @ (np.sqrt(squares / 10) * (0.5 * fit.track.time.size / fit.track.exact_rate) ** 2))
-        energy += float(fit.variance @ weight) * fit.track.known * (fit.track.time[-1] - fit.track.time[0]) ** 2 / 12
+        bend -= float((fit.coefficients[:2] * fit.right[-2:]).sum(axis=0) @ weight)
+        pairs = fit.coefficients[2 : 2 * fit.harmonics] * np.arange(2.0, fit.harmonics + 1).repeat(2)[:, None] ** 2
+        squares = (pairs * pairs).sum(axis=0) * fit.variance * (fit.track.known / 10)
+        length = float(fit.track.time[-1] - fit.track.time[0])
+        others += float(weight @ np.sqrt(squares)) * (0.5 * length) ** 2
+        energy += float(fit.variance @ weight) * fit.track.known * length**2 / 12
     if not free:
         normal[0, 0] = 1.0
     covariance = _inverse(normal)
-    std, size = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance @ right
+    std, size = np.sqrt(np.maximum(covariance.diagonal(), 0.0)), covariance @ right
     spread = _LEFT_OVER * float(np.sqrt(energy))
     if not free:
-        return size, std * (np.arange(count) > 0), 0.0, spread
-    variance = covariance[0, 0]
-    bent = float(np.clip(bend * variance, -_MOST_BENT, _MOST_BENT))
+        std[0] = 0.0
+        return size, std, 0.0, spread
+    variance = float(covariance[0, 0])
+    bent = min(max(bend * variance, -_MOST_BENT), _MOST_BENT)
     # With the curvature, the step of the fundamental is 1 / (1 - bent) times as long, and the lines follow it.
     size += covariance[:, 0] / variance * (size[0] * bent / (1.0 - bent))
-    return size, std, (bent**2 + _LEFT_OVER * others * float(variance)) / std[0], spread
+    return size, std, (bent**2 + _LEFT_OVER * others * variance) / float(std[0]), spread
 
 
 def _inverse(normal: FloatArray) -> FloatArray:
     """Inverse of a positive matrix; directions that it does not know stay out."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal * np.outer(scale, scale)
-    factor, wrong = lapack.dpotrf(scaled, lower=1)
-    if wrong or np.min(np.diag(factor)) < _ALIKE:
-        inverse = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
-    else:
-        inverse = lapack.dpotrs(factor, np.eye(len(scaled)), lower=1)[0]
-    return np.asarray(inverse * np.outer(scale, scale))
+    scale = 1.0 / np.sqrt(np.maximum(normal.diagonal(), 1e-300))
+    if scale.size == 1 and normal[0, 0] > 0:
+        return (scale * scale)[:, None]
+    outer = scale[:, None] * scale
+    scaled = normal * outer
+    with suppress(np.linalg.LinAlgError):
+        inverse = np.linalg.inv(scaled)
+        lost = inverse.diagonal()
+        if lost.min() > 0 and lost.max() < _ALIKE**-2:
+            return np.asarray(inverse * outer)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) * outer)
 
 
 def _slopes(fit: SineFit, informing: BoolArray, *, free: bool) -> FloatArray:
-    """Derivatives (channels, 1 + lines, 2 S) by the fundamental and by each line, along the sines times time."""
-    sines = fit.harmonics + fit.lines.size
-    multiple = np.eye(1 + fit.lines.size, sines, k=fit.harmonics - 1)
-    multiple[0, : fit.harmonics] = free * informing * np.arange(1.0, fit.harmonics + 1)
-    pairs = fit.coefficients[: 2 * sines].T.reshape(-1, 1, sines, 2)
-    return np.asarray((multiple[:, :, None] * pairs[..., ::-1] * [-1.0, 1.0]).reshape(len(pairs), -1, 2 * sines))
+    """Derivatives (1 + lines, 2 S, channels) by the fundamental and by each line, along the sines times time."""
+    own = 2 * fit.harmonics
+    pairs = fit.coefficients[: own + 2 * fit.lines.size].reshape(-1, 2, fit.coefficients.shape[1])
+    turned = (pairs[:, ::-1] * _QUARTER).reshape(-1, pairs.shape[2])
+    slopes = np.zeros((1 + fit.lines.size, *turned.shape))
+    if free:
+        slopes[0, :own] = turned[:own] * (informing * np.arange(1.0, fit.harmonics + 1)).repeat(2)[:, None]
+    for k in range(fit.lines.size):
+        place = slice(own + 2 * k, own + 2 * k + 2)
+        slopes[1 + k, place] = turned[place]
+    return slopes

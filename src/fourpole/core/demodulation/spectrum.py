@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
@@ -21,6 +20,7 @@ LINE_GAP = 2.5
 _BLOCK = 64
 _FEWEST_CYCLES = 2.5
 _MOST_BINS = 16
+_ALL_OFFSETS = np.r_[-_MOST_BINS:-1, 2 : _MOST_BINS + 1]
 _BAND = 0.4
 _FEWEST_BINS = 4
 #: Samples from which bins as fine as 1/T do, and from which these are made first and finer ones about maxima only.
@@ -31,8 +31,6 @@ _HANN_LEVER, _STEPS = 1 / 12 - 1 / (2 * np.pi**2), 2
 _SCALLOP = 0.84
 #: A weaker line than this share of the strongest is no excitation.
 _WEAK = 0.3
-#: Blocks of the residual: 16 bins then turn by at most π 16/200 = 0.25 in half a block.
-_BLOCKS = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,8 @@ def _finer(windowed: FloatArray, rate: float, coarse: int, fine: int, order: int
     """The line about a coarse bin, in bins that are finer by a factor: its bin, and the power of the three about it."""
     bins = np.arange((coarse - 1) * fine, (coarse + 1) * fine + 1)
     omega = 2 * np.pi * rate / (fine * windowed.size) * bins
-    sums = Sines(Blocks(windowed[None], rate), 0.0, 0, omega).sums(0)[0, 0]
+    blocks = Blocks(windowed[None], rate)
+    sums = Sines(blocks.grid, 0.0, 0, omega).moments(blocks.samples, 1)[0, 0]
     power = np.abs(sums) ** 2 * omega ** (2 * order)
     top = 1 + int(np.argmax(power[1:-1]))
     return int(bins[top]), power[top - 1 : top + 2]
@@ -148,9 +147,9 @@ def sharpened(samples: FloatArray, rate: float, frequency: float) -> float:
     e^{-jωu}, have a ratio with the imaginary part d sum(w u²)/sum(w), to first order in the distance d of the sine.
     """
     blocks, resolution = Blocks((samples * hann(samples.size))[None], rate), rate / samples.size
-    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.half * resolution**2)
+    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.grid.half * resolution**2)
     for _ in range(_STEPS):
-        still, moved = Sines(blocks, 2 * np.pi * sharper, 1, np.empty(0)).sums(1)[0, :, 0]
+        still, moved, _ = blocks.sums(2 * np.pi * sharper, 1, np.empty(0))[0, :, 0]
         if not abs(moved) < abs(still):
             return frequency
         sharper += float((moved / still).imag) / lever
@@ -229,8 +228,8 @@ def _may_stand_out(power: FloatArray, blocks: FloatArray, smallest: FloatArray) 
     rest = power[:, blocks.shape[1] * blocks.shape[2] :]
     if rest.size:
         largest[:, -1] = np.maximum(largest[:, -1], rest.max(axis=1))
-    below = np.count_nonzero(blocks < (largest * (np.log(2.0) / LINE_LIMIT))[:, :, None], axis=2)
-    return np.asarray(np.any((largest > smallest) & (below >= blocks.shape[2] // 2), axis=0))
+    below = (blocks < (largest * (np.log(2.0) / LINE_LIMIT))[:, :, None]).sum(axis=2)
+    return np.asarray(((largest > smallest) & (below >= blocks.shape[2] // 2)).any(axis=0))
 
 
 def median(values: FloatArray) -> FloatArray:
@@ -251,47 +250,40 @@ def noise_beside(fits: Sequence[SineFit], harmonics: int = 1) -> list[Noise]:
     lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     frequencies = fits[0].omega / (2 * np.pi) * np.arange(1, harmonics + 1)
     used = [_offsets(frequency, resolution, rate, lines) for frequency in frequencies.tolist()]
-    widest = max((int(np.max(np.abs(offsets))) for offsets in used if offsets.size >= _FEWEST_BINS), default=0)
+    widest = max((max(-offsets[0], offsets[-1]) for offsets in used if offsets.size >= _FEWEST_BINS), default=0)
     bins = np.concatenate([_bins(fit, harmonics, widest) for fit in fits])
     noises = []
     for k, offsets in enumerate(used):
         if offsets.size < _FEWEST_BINS:
             noises.append(_white(fits, rate))
             continue
-        beside, places = bins[:, k, offsets + widest], frequencies[k] + offsets * resolution
-        covariance = beside @ beside.conj().T / places.size
-        noises.append(Noise(covariance, (float(places.min()), float(places.max())), 2.0 * places.size))
+        beside = bins[:, k, offsets + widest]
+        low, high = (float(frequencies[k] + offset * resolution) for offset in (offsets[0], offsets[-1]))
+        noises.append(Noise(beside @ beside.conj().T / offsets.size, (low, high), 2.0 * offsets.size))
     return noises
 
 
 def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray) -> IntArray:
     """Offsets of the bins beside a frequency [Hz], in bins."""
     reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
-    offsets = np.arange(2, reach + 1)
-    offsets = np.concatenate([-offsets[::-1], offsets])
+    offsets = _ALL_OFFSETS[np.abs(_ALL_OFFSETS) <= reach]
     if lines.size:
         places = frequency + offsets * resolution
-        offsets = offsets[np.min(np.abs(places[:, None] - lines), axis=1) > 1.5 * resolution]
+        offsets = offsets[(np.abs(places - lines[:, None]) > 1.5 * resolution).all(axis=0)]
     return offsets
 
 
 def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:
     """Amplitudes (channels, harmonics, 2 reach + 1) of the residual, whole bins beside each harmonic, at the middle."""
-    scale = 2.0 / fit.track.known
-    apart, course = 2 * np.pi * fit.resolution, fit.track.course
-    steps = np.arange(-reach, reach + 1)
-    if course is None:
-        sines = Sines(Blocks(fit.residual, fit.track.exact_rate, _BLOCKS), fit.omega, harmonics, np.empty(0))
-        omega = fit.omega * np.arange(1, harmonics + 1)[:, None] + apart * steps
-        return np.asarray(sines.beside(apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
-    steady = fit.omega * np.arange(1, harmonics + 1)[:, None] * fit.track.time + course.turn
-    shifted = fit.residual[:, None] * np.exp(-1j * steady)
-    to_middle = np.exp(-1j * apart * steps * fit.track.time[0])
-    return np.asarray(np.fft.fft(shifted, axis=-1)[..., steps] * scale * to_middle)
+    sums = fit.rows.beside(fit.residual, harmonics, 2 * np.pi * fit.resolution, reach)
+    return np.asarray(sums * (2.0 / fit.track.known))
 
 
 def _white(fits: Sequence[SineFit], rate: float) -> Noise:
     """White noise of the level of each fit's residual, without correlation between fits."""
     blocks = [fit.residual @ fit.residual.T / max(fit.dof, 1) * (4.0 / fit.track.known) for fit in fits]
     dof = min(fit.dof for fit in fits)
-    return Noise(linalg.block_diag(*blocks).astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))
+    whole = np.block(
+        [[one if one is other else np.zeros((len(one), len(other))) for other in blocks] for one in blocks]
+    )
+    return Noise(whole.astype(complex), (0.0, 0.5 * rate), float(max(dof, 1)))

@@ -84,33 +84,27 @@ def _flags(fit: SineFit, signals: FloatArray | None = None) -> BoolArray:
     present = track.recorded
     signals = track.signals if signals is None else signals
     left = signals - _everywhere(fit) if track.spoilt is not None else fit.residual
-    size = np.hypot(*fit.coefficients[:2])
+    rest, sizes = np.abs(left), np.hypot(*fit.coefficients[:2]).tolist()
     count = int(min(max(_CYCLES * track.exact_rate * 2 * np.pi / fit.omega, 64), track.time.size))
+    edges = np.linspace(0, track.time.size, max(track.time.size // count, 1) + 1).astype(int)
+    spiky = np.ones(len(rest), dtype=bool) if not present.all() else _may_spike(rest, edges)
     flags = np.zeros(signals.shape, dtype=bool)
-    whole = bool(present.all())
-    for i, (row, rest, amplitude) in enumerate(zip(signals, np.abs(left), size, strict=True)):
-        if not whole or _may_spike(rest, count, amplitude):
-            flags[i] = rest > np.maximum(_SPIKE * _usual(rest, present, count), _LEAST * amplitude)
-        if rest.max() > _APART * amplitude:
-            flags[i] |= _stuck(row, rest, amplitude)
+    for i, (largest, amplitude) in enumerate(zip(rest.max(axis=1).tolist(), sizes, strict=True)):
+        if spiky[i] and largest > _LEAST * amplitude:
+            flags[i] = rest[i] > np.maximum(_SPIKE * _usual(rest[i], present, edges), _LEAST * amplitude)
+        if largest > _APART * amplitude:
+            flags[i] |= _stuck(signals[i], rest[i], amplitude)
     return flags & present
 
 
-def _may_spike(rest: FloatArray, count: int, amplitude: float) -> bool:
-    """Whether a modulus of a residual (N,) may exceed the limit of a spike; False is certain.
+def _may_spike(rest: FloatArray, edges: IntArray) -> BoolArray:
+    """Flags of the rows of moduli (channels, N) that may exceed the limit of a spike; False is certain.
 
-    The median of a block of `count` samples is large enough for its largest, unless half of its samples are smaller.
+    The median of a block is large enough for the largest of all, unless half of the block's samples are smaller.
     """
-    starts = _edges(rest.size, count)
-    largest = np.maximum.reduceat(rest, starts[:-1])
-    below = rest < np.repeat(largest * (_MEDIAN / _SPIKE), np.diff(starts))
-    fewer = np.add.reduceat(below, starts[:-1], dtype=int) < np.diff(starts) // 2
-    return bool(np.any((largest > _LEAST * amplitude) & ~fewer))
-
-
-def _edges(samples: int, count: int) -> IntArray:
-    """First index of each block of about `count` samples, and the number of samples."""
-    return np.linspace(0, samples, max(samples // count, 1) + 1).astype(int)
+    below = rest < rest.max(axis=1, keepdims=True) * (_MEDIAN / _SPIKE)
+    fewer = np.add.reduceat(below, edges[:-1], axis=1, dtype=int) < np.diff(edges) // 2
+    return np.asarray(~fewer.all(axis=1))
 
 
 def _everywhere(fit: SineFit) -> FloatArray:
@@ -119,9 +113,8 @@ def _everywhere(fit: SineFit) -> FloatArray:
     return rows_of(whole, fit).model(fit.coefficients)
 
 
-def _usual(rest: FloatArray, present: BoolArray, count: int) -> FloatArray:
-    """Standard deviation of a residual of modulus `rest` (N,), from the median of each block of `count` samples."""
-    edges = _edges(rest.size, count)
+def _usual(rest: FloatArray, present: BoolArray, edges: IntArray) -> FloatArray:
+    """Standard deviation of a residual of modulus `rest` (N,), from the median of each block between edges."""
     usual = np.empty(rest.size)
     everywhere = median(rest[present])
     for low, high in pairwise(edges.tolist()):

@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.demodulation.envelope import Envelope, envelope
+from fourpole.core.demodulation.envelope import ENVELOPE, Envelope, envelope
+from fourpole.core.demodulation.spectrum import median
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
@@ -58,11 +59,12 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
         tracks = tracks_of(recording, names)
     except RecordingError:
         return None
-    stretches = _bridged(envelope(tracks, 2 * np.pi * frequency))
+    found = recording.made[ENVELOPE] = envelope(tracks, 2 * np.pi * frequency)
+    stretches = _bridged(found)
     if stretches is None:
         return _between_rests(tracks[0], frequency, recording.span)
     phase = np.unwrap(np.angle(stretches.amplitudes["motion_in"]))
-    speed = np.gradient(phase, stretches.time) / stretches.omega  # relative to the assumed frequency
+    speed = np.gradient(phase, stretches.hop) / stretches.omega  # relative to the assumed frequency
     running = _running(stretches, speed)
     kept = None if running is None else _trimmed(stretches, speed, *running)
     if kept is None:
@@ -98,9 +100,9 @@ def _running(stretches: Envelope, speed: FloatArray) -> tuple[int, int] | None:
     A beat with an interfering line also gives several such ranges, and no start to cut.
     """
     size = np.abs(stretches.amplitudes["motion_in"])
-    level = float(np.median(size[size > 0.5 * np.max(size)]))
+    level = float(median(size[size > 0.5 * size.max()]))
     up = np.abs(size / level - 1) < _LEVEL
-    up &= np.abs(speed - np.median(speed[up])) < _SPEED if up.any() else False
+    up &= np.abs(speed - median(speed[up])) < _SPEED if up.any() else False
     first, last = _longest(up)
     return None if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()) else (first, last)
 
@@ -125,9 +127,11 @@ def _bridged(stretches: Envelope) -> Envelope | None:
     amplitudes: dict[str, ComplexArray] = {}
     for name, row in stretches.amplitudes.items():
         known = np.isfinite(row)
-        if known.sum() < max(_FEWEST_STRETCHES, row.size // 2):
+        count = np.count_nonzero(known)
+        if count < max(_FEWEST_STRETCHES, row.size // 2):
             return None
-        amplitudes[name] = np.interp(stretches.time, stretches.time[known], row[known])
+        whole = count == row.size
+        amplitudes[name] = row if whole else np.interp(stretches.time, stretches.time[known], row[known])
     return replace(stretches, amplitudes=amplitudes)
 
 
@@ -144,17 +148,14 @@ def _longest(flags: BoolArray) -> tuple[int, int]:
 def _steady(stretches: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:
     """Flags of the stretches of a part that are as steady as its middle half, and of those that differ much from it."""
     motion = stretches.amplitudes["motion_in"][part]
-    rows = [np.abs(motion), 1.0 + speed[part]]
-    rows += [stretches.amplitudes[name][part] / motion for name in stretches.amplitudes if name != "motion_in"]
-    count = motion.size
-    half = slice(count // 4, count - count // 4)
-    good, rough = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
-    for row in rows:
-        off = np.abs(row / np.mean(row[half]) - 1)
-        spread = float(np.sqrt(np.mean(off[half] ** 2)))
-        good &= off < max(_WITHIN, _DEVIATIONS * spread)
-        rough |= off > max(_ROUGH, 2 * _DEVIATIONS * spread)
-    return good, rough
+    others = [row[part] / motion for name, row in stretches.amplitudes.items() if name != "motion_in"]
+    rows = np.array([np.abs(motion), 1.0 + speed[part], *others])
+    half = slice(motion.size // 4, motion.size - motion.size // 4)
+    off = np.abs(rows * ((half.stop - half.start) / np.add.reduce(rows[:, half], axis=1, keepdims=True)) - 1)
+    spread = np.sqrt(np.add.reduce(off[:, half] ** 2, axis=1, keepdims=True) / (half.stop - half.start))
+    steady = off < np.maximum(_WITHIN, _DEVIATIONS * spread)
+    rough = off > np.maximum(_ROUGH, 2 * _DEVIATIONS * spread)
+    return np.asarray(steady.all(axis=0)), np.asarray(rough.any(axis=0))
 
 
 def _cut(steady: BoolArray) -> int:

@@ -2,7 +2,8 @@ r"""Sums of uniform samples times sinusoids, without a table of the sinusoids.
 
 Samples stand in M blocks of B. With the time :math:`t_b` of the middle of a block and the time :math:`\tau` from there,
 :math:`e^{j\omega t} = e^{j\omega t_b} e^{j\omega\tau}`: one product of the samples with a small matrix gives the sums
-of all blocks, at any frequency. Sums without samples have a closed form. Both are exact but for round-off.
+of all blocks, at any frequency. The moments of a recording, which are the sums times powers of the time, then give the
+sums at all frequencies near by. Sums without samples have a closed form.
 """
 
 from __future__ import annotations
@@ -12,60 +13,106 @@ from math import comb
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray, IntArray
 
-#: Powers of the time, and the numbers of ways of which the power of a sum is made.
-_ORDERS = np.arange(4)
-_BINOMIALS = np.array([[comb(p, q) for q in range(4)] for p in range(4)], dtype=float)
+#: Powers of the time of a drift, and of the time within a block that moments have: a block is 1/100 of s at most.
+_DRIFT, _WITHIN = 4, 3
+#: Powers of the time of moments: the sums times 1, s and s² follow from these by a series of all but the last two.
+_MOMENTS = 10
+_SERIES = _MOMENTS - 2
+_EXPONENTS = np.arange(_SERIES)[:, None]
+_SHARES = 1.0 / np.cumprod(np.maximum(_EXPONENTS, 1.0), axis=0)
+#: Largest turn at the ends of a record by which a frequency may depart from that of its moments [rad]: the series is
+#: then off by 0.15^8/8! = 6e-12 of what the samples hold.
+_NEAR = 0.15
+#: Fewest blocks, if there are as many samples: 16 bins then turn by at most π 16/200 = 0.25 in half a block.
+_BLOCKS = 200
 #: Below this many turns of 1/2π over the record, the closed form loses digits, and the sum is made term by term.
 _FEWEST_TURNS = 0.5
 
 
-class Blocks:
-    """Samples of channels in blocks.
+class Grid:
+    """Uniform times in M blocks of B.
 
     Time is `u`, from the middle of the samples; `s` is `u` over half the record's length, from -1 to 1.
 
     Parameters
     ----------
-    signals : (C, N) float array
-        Samples; 0 for missing ones.
+    count : int
+        Number of samples.
     rate : float [Hz]
         Samples per second.
-    fewest : int
-        Number of blocks at least, if there are as many samples; by default the root of the number of samples.
     """
 
-    def __init__(self, signals: FloatArray, rate: float, fewest: int = 1) -> None:
-        self.channels, self.count = signals.shape
-        size = max(1, min(int(np.sqrt(self.count)), self.count // fewest))
-        blocks = -(-self.count // size)
-        if blocks * size == self.count:
-            whole = np.ascontiguousarray(signals)
-        else:
-            whole = np.zeros((self.channels, blocks * size))
-            whole[:, : self.count] = signals
-        self.samples = whole.reshape(self.channels * blocks, size)
-        self.half = 0.5 * max(self.count - 1, 1) / rate
+    def __init__(self, count: int, rate: float) -> None:
+        size = max(1, min(int(np.sqrt(count)), count // _BLOCKS))
+        blocks, self._count = -(-count // size), count
+        self.half = 0.5 * max(count - 1, 1) / rate
         self.inside = (np.arange(size) - 0.5 * (size - 1)) / rate
-        self.middle = (np.arange(blocks) * size + 0.5 * (size - self.count)) / rate
+        self.middle = (np.arange(blocks) * size + 0.5 * (size - count)) / rate
+
+    def split(self, signals: FloatArray) -> FloatArray:
+        """Samples (C, N) in blocks (C M, B), with zeros at the end of the last one."""
+        whole, size = signals, self.middle.size * self.inside.size
+        if size > self._count:
+            whole = np.zeros((len(signals), size))
+            whole[:, : self._count] = signals
+        return np.ascontiguousarray(whole).reshape(-1, self.inside.size)
+
+    def joined(self, blocks: FloatArray) -> FloatArray:
+        """Samples (C, N) of blocks (C M, B)."""
+        return blocks.reshape(-1, self.middle.size * self.inside.size)[:, : self._count]
 
     @cached_property
     def shifts(self) -> FloatArray:
-        """Shares (4, M, 4) of the powers of the time from a block's middle in those of s: s^p = (s_b + sigma)^p."""
-        places = (self.middle / self.half)[:, None] ** np.maximum(_ORDERS[:, None, None] - _ORDERS, 0)
-        return np.asarray(places * _BINOMIALS[:, None])
+        """Shares (10, M, 4) of the powers of the time from a block's middle in those of s: s^p = (s_b + sigma)^p."""
+        powers, within = np.arange(_MOMENTS), np.arange(_DRIFT)
+        ways = np.array([[comb(p, q) for q in within.tolist()] for p in powers.tolist()], dtype=float)
+        places = (self.middle / self.half)[:, None] ** np.maximum(powers[:, None, None] - within, 0)
+        return np.asarray(places * ways[:, None])
 
     @cached_property
     def powers(self) -> FloatArray:
         """Powers 0 to 3 (B, 4) of s from the middle of a block."""
-        return np.asarray((self.inside / self.half)[:, None] ** _ORDERS)
+        return np.asarray((self.inside / self.half)[:, None] ** np.arange(_DRIFT))
+
+
+_grid_of = lru_cache(maxsize=16)(Grid)
+
+
+class Blocks:
+    """Samples (C, N) of channels in the blocks of their times, and what sums of them were made."""
+
+    def __init__(self, signals: FloatArray, rate: float) -> None:
+        self.grid = _grid_of(signals.shape[1], rate)
+        self.samples = self.grid.split(signals)
+        self._base, self._moments = np.array([-np.inf]), np.zeros((len(signals), 3, _SERIES, 1), dtype=complex)
 
     @cached_property
-    def moments(self) -> FloatArray:
+    def drift(self) -> FloatArray:
         """Sums (C, 4) of the samples times 1, s, s² and s³."""
-        parts = (self.samples @ self.powers).reshape(self.channels, -1)
-        return np.asarray(parts @ self.shifts.reshape(_ORDERS.size, -1).T)
+        parts = (self.samples @ self.grid.powers).reshape(-1, self.grid.middle.size * _DRIFT)
+        return np.asarray(parts @ self.grid.shifts[:_DRIFT].reshape(_DRIFT, -1).T)
+
+    def sums(self, omega: float, harmonics: int, others: FloatArray) -> ComplexArray:
+        """Sums (C, 3, F) of the samples times 1, s or s² and e^{-jωu}, at multiples of omega and at others [rad/s].
+
+        The samples are gone through only for frequencies that are far from all before.
+        """
+        frequency = np.concatenate([omega * np.arange(1, harmonics + 1), others])
+        for _ in range(2):
+            turns = (frequency[:, None] - self._base) * self.grid.half
+            place = np.abs(turns).argmin(axis=1)
+            turn = turns[np.arange(place.size), place]
+            far = np.abs(turn) > _NEAR
+            if not far.any():
+                break
+            new = Sines(self.grid, omega, harmonics if far[:harmonics].any() else 0, others[far[harmonics:]])
+            moments = new.moments(self.samples)[:, _EXPONENTS.T + np.arange(3)[:, None]]
+            self._base = np.concatenate([self._base, new.omega])
+            self._moments = np.concatenate([self._moments, moments], axis=3)
+        series = (-1j * turn) ** _EXPONENTS * _SHARES
+        return np.add.reduce(self._moments.take(place, axis=3) * series, axis=2)
 
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
@@ -77,11 +124,11 @@ def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | No
 
 
 class Sines:
-    """Sinusoids e^{-jωu} on blocks, as their turn inside a block (B, F) and that of the middles of blocks (M, F).
+    """Sinusoids e^{-jωu} on a grid, as their turn inside a block (B, F) and that of the middles of blocks (M, F).
 
     Parameters
     ----------
-    blocks : Blocks
+    grid : Grid
     omega : float [rad/s]
         Fundamental, whose multiples come first.
     harmonics : int
@@ -90,79 +137,86 @@ class Sines:
         Other frequencies.
     """
 
-    def __init__(self, blocks: Blocks, omega: float, harmonics: int, others: FloatArray) -> None:
+    def __init__(self, grid: Grid, omega: float, harmonics: int, others: FloatArray) -> None:
         tables = []
-        for time in (blocks.inside, blocks.middle):
+        for time in (grid.inside, grid.middle):
             table = np.empty((time.size, harmonics + others.size), dtype=complex)
-            table[:, harmonics:] = np.exp(-1j * time[:, None] * others)
+            if others.size:
+                table[:, harmonics:] = np.exp(-1j * time[:, None] * others)
             geometric(np.exp(-1j * omega * time), table[:, :harmonics])
             tables.append(table)
-        self._blocks, (self._inside, self._middle) = blocks, tables
+        self._grid, (self._inside, self._middle) = grid, tables
+        self.omega = np.concatenate([omega * np.arange(1, harmonics + 1), others])
 
-    def sums(self, order: int) -> ComplexArray:
-        """Sums (C, order + 1, F) of the samples times s^p e^{-jωu}, for p from 0 and each frequency."""
-        parts = self._parts(order)
-        flat = parts.reshape(parts.shape[0], -1, parts.shape[3]).view(float)
-        shifts = self._blocks.shifts[: order + 1, :, : order + 1].reshape(order + 1, -1)
+    def moments(self, samples: FloatArray, orders: int = _MOMENTS) -> ComplexArray:
+        """Sums (C, orders, F) of samples (C M, B) times powers of s from 0 and e^{-jωu}.
+
+        From s³ on, the cube of the time within a block is left out.
+        """
+        within = min(orders, _WITHIN)
+        parts = self._parts(samples, within, self.omega.size)
+        flat = parts.reshape(len(parts), -1, parts.shape[3]).view(float)
+        shifts = self._grid.shifts[:orders, :, :within].reshape(orders, -1)
         return np.asarray((shifts @ flat).view(complex))
 
-    def _parts(self, order: int) -> ComplexArray:
-        """Sums (C, M, order + 1, F) over each block of the samples times powers of s from its middle, and e^{-jωu}."""
-        blocks = self._blocks
-        parts = (blocks.samples @ self._within(order)).view(complex)
-        made = parts.reshape(blocks.channels, blocks.middle.size, order + 1, -1)
-        made *= self._middle[:, None]
+    def between(self, samples: FloatArray, edges: IntArray) -> ComplexArray:
+        """Sums (C, n - 1) of samples (C M, B) times the first of the sinusoids, between places (n,) from 0 to N."""
+        size, blocks = self._grid.inside.size, self._grid.middle.size
+        block = np.minimum(edges // size, blocks - 1)
+        before = np.cumsum(self._parts(samples, 1, 1)[:, :, 0, 0], axis=1)[:, block - 1] * (block > 0)
+        within = np.arange(size) < (edges - block * size)[:, None]
+        rest = (samples.reshape(-1, blocks, size)[:, block] * within) @ self._inside[:, 0]
+        return np.diff(before + rest * self._middle[block, 0])
+
+    def _parts(self, samples: FloatArray, orders: int, count: int) -> ComplexArray:
+        """Sums (C, M, orders, F) over the blocks of samples (C M, B) times powers of s from a middle, and e^{-jωu}.
+
+        `count` is F, the number of the first frequencies.
+        """
+        made = (samples @ self._within(orders, count)).view(complex).reshape(-1, self._grid.middle.size, orders, count)
+        made *= self._middle[:, None, :count]
         return np.asarray(made)
 
-    def beside(self, offset: float, reach: int) -> ComplexArray:
-        """Sums (C, F, 2 J + 1) of the samples times e^{-j(ω + nd)u} for n from -J to J and a small offset d [rad/s].
+    def beside(self, samples: FloatArray, count: int, offset: float, reach: int) -> ComplexArray:
+        """Sums (C, F, 2 J + 1) of samples (C M, B) times e^{-j(ω + nd)u}, n from -J to J, for a small offset d [rad/s].
 
+        `count` is F, the number of the first frequencies.
         Within a block the turn n·d·u is expanded to its cube: with n·d·u at most 0.25, a sum is off by at most 2e-4 of
         what the samples hold beside it.
         """
-        blocks, steps = self._blocks, np.arange(-reach, reach + 1)
-        turning = np.empty((blocks.middle.size, steps.size), dtype=complex)
-        geometric(np.exp(-1j * offset * blocks.middle), turning, np.exp(1j * reach * offset * blocks.middle))
-        parts = self._parts(3)
-        rows = parts.transpose(2, 0, 3, 1).reshape(-1, blocks.middle.size) @ turning
-        along = rows.reshape(4, blocks.channels, parts.shape[3], steps.size)
-        turn = -1j * blocks.half * offset * steps
+        grid, steps = self._grid, np.arange(-reach, reach + 1)
+        turning = np.empty((grid.middle.size, steps.size), dtype=complex)
+        geometric(np.exp(-1j * offset * grid.middle), turning, np.exp(1j * reach * offset * grid.middle))
+        parts = self._parts(samples, 4, count)
+        rows = parts.transpose(2, 0, 3, 1).reshape(-1, grid.middle.size) @ turning
+        along = rows.reshape(4, len(parts), count, steps.size)
+        turn = -1j * grid.half * offset * steps
         return np.asarray(along[0] + turn * (along[1] + turn / 2 * (along[2] + turn / 3 * along[3])))
 
     def wave(self, amplitudes: ComplexArray, drift: FloatArray) -> FloatArray:
-        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, order + 1, F), and of drift (C, 4) s^p."""
-        blocks, (channels, orders, count) = self._blocks, amplitudes.shape
+        """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, orders, F), and of drift (C, 4) s^p."""
+        grid, (channels, orders, count) = self._grid, amplitudes.shape
         # Each block has amplitudes and a polynomial about its own middle.
-        shifts = blocks.shifts[:orders, :, :orders]
-        each = np.tensordot(amplitudes, shifts, (1, 0)).transpose(0, 2, 3, 1) * self._middle.conj()[:, None]
-        parts = np.empty((channels, blocks.middle.size, 2 * orders * count + drift.shape[1]))
-        parts[:, :, : 2 * orders * count] = each.reshape(channels, blocks.middle.size, -1).view(float)
-        parts[:, :, 2 * orders * count :] = np.tensordot(drift, blocks.shifts, 1)
-        table = np.concatenate([self._within(orders - 1), blocks.powers], axis=1)
-        made = parts.reshape(-1, parts.shape[2]) @ table.T
-        return made.reshape(channels, -1)[:, : blocks.count]
+        shifts = grid.shifts[:orders, :, :orders]
+        each = np.einsum("cpf,pmq->cmqf", amplitudes, shifts) * self._middle.conj()[:, None]
+        parts = np.empty((channels, grid.middle.size, 2 * orders * count + drift.shape[1]))
+        parts[:, :, : 2 * orders * count] = each.reshape(channels, grid.middle.size, -1).view(float)
+        along = drift @ grid.shifts[:_DRIFT].reshape(_DRIFT, -1)
+        parts[:, :, 2 * orders * count :] = along.reshape(channels, -1, _DRIFT)
+        table = np.concatenate([self._within(orders, count), grid.powers], axis=1)
+        return grid.joined(parts.reshape(-1, parts.shape[2]) @ table.T)
 
-    def _within(self, order: int) -> FloatArray:
-        """Cosines and minus sines (B, 2 (order + 1) F) in a block, times the powers of s from the block's middle."""
-        if order == 0:
-            return self._inside.view(float)
-        return (
-            (self._inside[:, None] * self._blocks.powers[:, : order + 1, None])
-            .reshape(len(self._inside), -1)
-            .view(float)
-        )
-
-    def carrier(self) -> ComplexArray:
-        """The first of the sinusoids as a rotation e^{jωu} (N,)."""
-        turning = self._middle[:, :1].conj() * self._inside[:, 0].conj()
-        return np.asarray(turning.reshape(-1)[: self._blocks.count])
+    def _within(self, orders: int, count: int) -> FloatArray:
+        """Cosines and minus sines (B, 2 orders F) in a block, times the powers of s from the block's middle."""
+        powers = self._grid.powers[:, :orders, None]
+        return (self._inside[:, None, :count] * powers).reshape(len(powers), -1).view(float)
 
 
-def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
-    r"""Sums (order + 1, F) of s^p e^{jωu} over uniform samples, for p from 0 to `order`, at omega (F,) [rad/s].
+def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int) -> FloatArray:
+    r"""Sums (order + 1, F) over uniform samples of s^p cos ωu for even p, and of s^p sin ωu for odd p up to `order`.
 
-    With :math:`x = \omega/2f_s` the sum for p = 0 is :math:`g = \sin Nx/\sin x`, and that for p follows from
-    the p-th derivative of g, by differentiating :math:`g \sin x = \sin Nx`.
+    The others are zero. With :math:`x = \omega/2f_s` the sum for p = 0 is :math:`g = \sin Nx/\sin x`, and that for p is
+    its p-th derivative by x, but for the sign, over :math:`(N - 1)^p`.
 
     Parameters
     ----------
@@ -178,45 +232,56 @@ def sums_without_samples(omega: FloatArray, count: int, rate: float, order: int)
     Examples
     --------
     >>> s = np.linspace(-1.0, 1.0, 50)
-    >>> wave = np.exp(1j * 2.0 * 2.45 * s)
-    >>> bool(np.allclose(sums_without_samples(np.array([2.0]), 50, 10.0, 1)[:, 0], [wave.sum(), (s * wave).sum()]))
+    >>> even, odd = np.cos(2.0 * 2.45 * s), np.sin(2.0 * 2.45 * s)
+    >>> bool(np.allclose(sums_without_samples(np.array([2.0]), 50, 10.0, 1)[:, 0], [even.sum(), (s * odd).sum()]))
     True
     """
     x = omega / (2 * rate)
-    slow = np.abs(np.sin(x)) * count < _FEWEST_TURNS
-    base = np.where(slow, 1.0, x)
-    sine, step = np.sin(base), 1.0 / (count - 1.0)
-    cotangent = np.cos(base) / sine * step
-    # The derivatives of sin Nx over N^p sin x. Those of sin x over sin x are 1, cot x, -1, -cot x, in turn.
-    whole = np.sin(count * base) / sine, np.cos(count * base) / sine
-    made = np.empty((order + 1, omega.size))
-    for p in range(order + 1):
-        even, odd = _of_lower(p, step)
-        np.multiply(whole[p % 2], (count * step) ** p * (-1) ** (p // 2), out=made[p])
-        if p > 0:
-            made[p] -= cotangent * (odd @ made[:p])
-        if p > 1:
-            made[p] -= even @ made[:p]
-    result = ((-1j) ** np.arange(order + 1))[:, None] * made
+    sine = np.sin(x)
+    slow = np.abs(sine) * count < _FEWEST_TURNS
     if slow.any():
-        result[:, slow] = _term_by_term(omega[slow], count, rate, order)
-    return result
+        sine[slow] = 1.0
+    powers = np.empty((order + 1, omega.size))
+    powers[0], powers[1:] = 1.0 / sine, np.cos(x) / sine / (count - 1.0)
+    np.multiply.accumulate(powers, out=powers)
+    by_sine, by_cosine = _derivatives(order, count)
+    made = np.sin(count * x) * (by_sine @ powers) + np.cos(count * x) * (by_cosine @ powers)
+    if slow.any():
+        made[:, slow] = _term_by_term(tuple(omega[slow].tolist()), count, rate, order)
+    return np.asarray(made)
 
 
 @lru_cache(maxsize=64)
-def _of_lower(order: int, step: float) -> tuple[FloatArray, FloatArray]:
-    """Shares (order,) of the lower derivatives in that of an order: those with 1, and those with cot x by a step."""
-    shares = np.array([comb(order, i) * step ** (order - i) * (-1) ** ((order - i) // 2) for i in range(order)])
-    odd = (order - np.arange(order)) % 2 == 1
-    return np.where(odd, 0.0, shares), np.where(odd, shares / step, 0.0)
+def _derivatives(order: int, count: int) -> tuple[FloatArray, FloatArray]:
+    """Polynomials (order + 1, order + 1) in cot x/(N - 1) of the sums: those times sin Nx/sin x and times cos Nx/sin x.
+
+    The derivatives of 1/sin x are polynomials in t = cot x, times 1/sin x: P' is -t P - (1 + t²) dP/dt.
+    """
+    step = 1.0 / (count - 1.0)
+    inverse = np.zeros((order + 1, order + 2))
+    inverse[0, 0] = 1.0
+    degrees = np.arange(order + 2)
+    for i in range(order):
+        slope = inverse[i] * degrees
+        inverse[i + 1, 1:] = -inverse[i, :-1] - slope[:-1]
+        inverse[i + 1, :-1] -= slope[1:]
+    inverse = inverse[:, :-1] * step ** np.maximum(degrees[:-1, None] - degrees[:-1], 0)
+    made = np.zeros((2, order + 1, order + 1))
+    for p in range(order + 1):
+        for i in range(p + 1):
+            turns = p - i  # derivatives of sin Nx
+            share = comb(p, i) * (count * step) ** turns * (-1) ** (turns // 2) * (-1) ** ((p + 1) // 2)
+            made[turns % 2, p] += share * inverse[i]
+    return made[0], made[1]
 
 
-def _term_by_term(omega: FloatArray, count: int, rate: float, order: int) -> ComplexArray:
+@lru_cache(maxsize=64)
+def _term_by_term(omega: tuple[float, ...], count: int, rate: float, order: int) -> FloatArray:
     """The sums (order + 1, F) of `sums_without_samples` as they are defined."""
     index = np.arange(count) - 0.5 * (count - 1)
     place = index / (0.5 * (count - 1))
-    made = np.empty((order + 1, omega.size), dtype=complex)
-    for k, frequency in enumerate(omega.tolist()):
-        turning = np.exp(1j * frequency / rate * index)
-        made[:, k] = [place**p @ turning for p in range(order + 1)]
+    made = np.empty((order + 1, len(omega)))
+    for k, frequency in enumerate(omega):
+        turning = np.cos(frequency / rate * index), np.sin(frequency / rate * index)
+        made[:, k] = [place**p @ turning[p % 2] for p in range(order + 1)]
     return made

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,8 @@ from fourpole.core.demodulation.tracks import Course, Track
 DRIFT = 4
 #: The polynomials of the drift, by the powers of s: orthogonal on a long record.
 _POLYNOMIALS = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-1 / 3, 0.0, 1.0, 0.0], [0.0, -0.6, 0.0, 1.0]])
+#: Plus and minus a line.
+_BOTH = np.array([[1.0], [-1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +50,8 @@ class Terms(ByValue):
         multiples = self.omega * np.arange(2 * self.harmonics + 1)
         if not self.lines.size:
             return multiples
-        others = np.append(multiples[: self.harmonics + 1], self.lines)
-        return np.concatenate([multiples, *(part for line in self.lines for part in (others + line, others - line))])
+        others = np.concatenate([multiples[: self.harmonics + 1], self.lines])
+        return np.concatenate([multiples, (others + self.lines[:, None, None] * _BOTH).reshape(-1)])
 
 
 class TermRows(Protocol):
@@ -77,13 +80,24 @@ class TermRows(Protocol):
     def model(self, coefficients: FloatArray) -> FloatArray:
         """The sum (C, N) of the rows times coefficients (P, C)."""
 
-    def carrier(self) -> ComplexArray:
-        """The fundamental as a rotation (N,)."""
+    def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Inner products of the fundamental's two rows in the quarters of a record, with themselves and a residual.
+
+        They are (4, 2, 2) and (4, 2, C).
+        """
+
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        """Sums (C, harmonics, 2 J + 1) of a residual times the turns beside harmonics; see `Sines.beside`."""
 
 
 def rows_of(track: Track, terms: Terms) -> TermRows:
     """The rows of terms on a track: closed formulas, or a table where a reference gives the phase."""
     return _Uniform(track, terms) if track.course is None else _Table(track, terms, track.course)
+
+
+def _quarters(track: Track) -> IntArray:
+    """First sample of each quarter of a record, and the number of samples."""
+    return np.linspace(0, track.time.size, 5).astype(int)
 
 
 class _Layout:
@@ -99,13 +113,17 @@ class _Layout:
         Power of each row's time in seconds; 0 where its time is s.
     frequency, power : (Q,) int
         Frequency of each atom, among the sines and zero; power of s.
-    rows : (P + 2 S + 2, 2 Q) float
-        The rows as linear combinations of cosines and minus sines of the atoms.
-    powers, above, below : (Q, Q) int
-        For each pair of atoms the power of their product; the places of the sum and of the difference of their
-        frequencies in `Terms.differences`.
-    mirrored : (Q, Q) bool
-        Whether the difference is the negative of the one there.
+    atoms : (Q,) int
+        Place of each atom among all powers of all frequencies.
+    kept : (P + 2 S + 2,) int
+        The cosines and minus sines of atoms, in turn, of which the rows are made: all but the sines of zero.
+    rows : (P + 2 S + 2, P + 2 S + 2) float
+        The rows as linear combinations of these.
+    below, above : (P + 2 S + 2, P + 2 S + 2) int
+        For each pair of these the places of the sums over the difference and over the sum of their frequencies, of the
+        power of their product: power times the number of `Terms.differences`, plus the place of the frequency there.
+    of_below, of_above : (P + 2 S + 2, P + 2 S + 2) float
+        Their shares in the inner product. Even powers have sums of cosines, odd ones sums of sines.
     """
 
     def __init__(self, harmonics: int, lines: int, unsteady: tuple[int, ...]) -> None:
@@ -120,13 +138,21 @@ class _Layout:
             parabola = 2 * (sines + 2 * k + 1)
             rows[parabola : parabola + 2, 2 * h - 2 : 2 * h] -= np.eye(2) / 3
         rows[2 * drift : 2 * moving : 2, 2 * drift : 2 * moving : 2] = _POLYNOMIALS
-        kept = np.r_[: 2 * drift, 2 * drift : 2 * moving : 2, 2 * moving : 2 * len(atoms)]
-        self.rows, self.size = rows[kept], len(kept) - 2 * sines - 2
+        kept = self.kept = np.r_[: 2 * drift, 2 * drift : 2 * moving : 2, 2 * moving : 2 * len(atoms)]
+        self.rows, self.size = rows[np.ix_(kept, kept)], kept.size - 2 * sines - 2
         self.seconds = np.repeat([0, 1, 2], [self.size, 2 * sines, 2])
         self.frequency, self.power = np.array(atoms).T
-        self.powers = self.power[:, None] + self.power
-        pairs = self.frequency[:, None], self.frequency
-        self.above, self.below, self.mirrored = (places[pairs] for places in _places(harmonics, lines))
+        self.atoms = self.power * (sines + 1) + self.frequency
+        pairs = self.frequency[kept // 2][:, None], self.frequency[kept // 2]
+        above, below, mirrored = (places[pairs] for places in _places(harmonics, lines))
+        powers, sine = self.power[kept // 2], kept % 2
+        powers = powers[:, None] + powers
+        self.below, self.above = (places + powers * (1 + max(above.max(), below.max())) for places in (below, above))
+        # 2 cos a cos b = cos(a - b) + cos(a + b), and so on, with minus sines: those of both kinds have odd powers.
+        alike = powers % 2 == 0
+        first, second = sine[:, None] > sine, sine[:, None] < sine
+        self.of_below = 0.5 * np.where(alike, sine[:, None] == sine, (second * 1.0 - first) * np.where(mirrored, -1, 1))
+        self.of_above = 0.5 * np.where(alike, (sine[:, None] == sine) * (1.0 - 2.0 * sine), -1.0 * (first | second))
 
 
 _layout = lru_cache(maxsize=64)(_Layout)
@@ -161,63 +187,67 @@ class _Uniform:
 
     def __init__(self, track: Track, terms: Terms) -> None:
         self._track, self._terms, self._blocks = track, terms, track.blocks
-        self._layout = _layout(terms.harmonics, terms.lines.size, terms.unsteady)
-        self._waves = Sines(track.blocks, terms.omega, terms.harmonics, terms.lines)
-        self.size, self.lead = self._layout.size, 0.5 * float(track.time[0] + track.time[-1])
+        layout = self._layout = _layout(terms.harmonics, terms.lines.size, terms.unsteady)
+        self._rows = layout.rows * (self._blocks.grid.half**layout.seconds)[:, None]
+        self.size, self.lead = layout.size, 0.5 * float(track.time[0] + track.time[-1])
+
+    @cached_property
+    def waves(self) -> Sines:
+        """The sines on the blocks of the samples."""
+        return Sines(self._blocks.grid, self._terms.omega, self._terms.harmonics, self._terms.lines)
 
     def products(self) -> FloatArray:
-        layout, track, omega = self._layout, self._track, self._terms.differences()
-        moving = omega != 0.0
-        sums = np.zeros((2 * DRIFT - 1, omega.size), dtype=complex)  # only powers of the drift alone reach the sixth
-        sums[:-1, moving] = sums_without_samples(omega[moving], track.time.size, track.exact_rate, 2 * DRIFT - 3)
-        sums[:, ~moving] = _sums_of_powers(track.time.size)[:, None]
-        above, below = sums[layout.powers, layout.above], sums[layout.powers, layout.below]
-        below = np.where(layout.mirrored, below.conj(), below)
-        made = np.empty((above.shape[0], 2, above.shape[0], 2))
-        made[:, 0, :, 0], made[:, 1, :, 1] = below.real + above.real, below.real - above.real
-        made[:, 0, :, 1], made[:, 1, :, 0] = below.imag - above.imag, -below.imag - above.imag
-        flat = 0.5 * made.reshape(layout.rows.shape[1], -1)
-        whole = layout.rows @ flat @ layout.rows.T
+        layout, track = self._layout, self._track
+        sums = sums_without_samples(self._terms.differences(), track.time.size, track.exact_rate, 2 * DRIFT - 2)
+        flat = layout.of_below * sums.take(layout.below) + layout.of_above * sums.take(layout.above)
+        whole = self._rows @ flat @ self._rows.T
         if track.known < track.time.size:
             gone = self._rows_at(~track.present)
             whole -= gone @ gone.T
-        units = self._blocks.half**layout.seconds
-        return whole * units[:, None] * units
+        return np.asarray(whole)
 
     def with_signals(self) -> FloatArray:
-        layout = self._layout
-        sums = np.zeros((self._blocks.channels, DRIFT, layout.sines + 1), dtype=complex)
-        sums[:, :3, :-1] = self._waves.sums(2)
-        sums[:, :, -1] = self._blocks.moments
-        flat = np.ascontiguousarray(sums[:, layout.power, layout.frequency]).view(float)
-        return (layout.rows @ flat.T) * (self._blocks.half**layout.seconds)[:, None]
+        layout, terms = self._layout, self._terms
+        sums = np.empty((len(self._track.signals), DRIFT, layout.sines + 1), dtype=complex)
+        sums[:, :-1, :-1] = self._blocks.sums(terms.omega, terms.harmonics, terms.lines)
+        sums[:, :, -1] = self._blocks.drift
+        flat = sums.reshape(len(sums), -1).take(layout.atoms, axis=1).view(float)
+        return self._rows @ flat[:, layout.kept].T
 
     def model(self, coefficients: FloatArray) -> FloatArray:
-        layout = self._layout
-        flat = np.ascontiguousarray(coefficients.T @ layout.rows[: self.size]).view(complex)
-        order = 2 if self._terms.unsteady else 0
-        each = np.zeros((flat.shape[0], DRIFT, layout.sines + 1), dtype=complex)
+        layout, terms = self._layout, self._terms
+        flat = np.zeros((coefficients.shape[1], 2 * layout.frequency.size))
+        flat[:, layout.kept[: self.size]] = coefficients.T @ layout.rows[: self.size, : self.size]
+        each = np.zeros((len(flat), DRIFT, layout.sines + 1), dtype=complex)
         fitted = layout.frequency.size - layout.sines - 1
-        each[:, layout.power[:fitted], layout.frequency[:fitted]] = flat[:, :fitted]
-        made = self._waves.wave(each[:, : order + 1, :-1], each[:, :, -1].real)
+        each.reshape(len(each), -1)[:, layout.atoms[:fitted]] = flat.view(complex)[:, :fitted]
+        made = self.waves.wave(each[:, : 3 if terms.unsteady else 1, :-1], each[:, :, -1].real)
         return made if self._track.known == self._track.time.size else made * self._track.present
 
-    def carrier(self) -> ComplexArray:
-        return self._waves.carrier()
+    def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+        track, edges, turn = self._track, _quarters(self._track), self._terms.omega / self._track.exact_rate
+        counts, middles = np.diff(edges).astype(float), edges[1:] + edges[:-1] - track.time.size
+        double = np.exp(1j * turn * middles) * (np.sin(turn * counts) / np.sin(turn))  # sums of the square of the turn
+        if track.known < track.time.size:
+            gone = np.flatnonzero(~track.present)
+            quarter = np.searchsorted(edges, gone, "right") - 1
+            counts -= np.bincount(quarter, minlength=4)
+            np.subtract.at(double, quarter, np.exp(1j * turn * (2 * gone + 1 - track.time.size)))
+        normal = [[counts + double.real, -double.imag], [-double.imag, counts - double.real]]
+        sums = self.waves.between(self._blocks.grid.split(residual), edges)
+        return 0.5 * np.transpose(normal, (2, 0, 1)), np.stack([sums.real, sums.imag]).transpose(2, 0, 1)
+
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        omega = self._terms.omega * np.arange(1, harmonics + 1)[:, None] + offset * np.arange(-reach, reach + 1)
+        sums = self.waves.beside(self._blocks.grid.split(residual), harmonics, offset, reach)
+        return np.asarray(sums * np.exp(-1j * self.lead * omega))
 
     def _rows_at(self, flags: BoolArray) -> FloatArray:
-        """All rows, with s instead of seconds, at the samples that are flagged."""
+        """All rows at the samples that are flagged."""
         place = np.flatnonzero(flags) / (0.5 * (flags.size - 1)) - 1.0
         omega = np.append(self._terms.sines, 0.0)[self._layout.frequency]
-        atoms = place ** self._layout.power[:, None] * np.exp(-1j * omega[:, None] * self._blocks.half * place)
-        return self._layout.rows @ np.stack([atoms.real, atoms.imag], axis=1).reshape(2 * omega.size, -1)
-
-
-@lru_cache(maxsize=64)
-def _sums_of_powers(count: int) -> FloatArray:
-    """Sums (7,) of s^p, for p from 0 to 6."""
-    place = np.linspace(-1.0, 1.0, count)
-    return np.array([np.sum(place**p) if p % 2 == 0 else 0.0 for p in range(2 * DRIFT - 1)])
+        atoms = place ** self._layout.power[:, None] * np.exp(-1j * omega[:, None] * self._blocks.grid.half * place)
+        return self._rows @ np.stack([atoms.real, atoms.imag], axis=1).reshape(2 * omega.size, -1)[self._layout.kept]
 
 
 class _Table:
@@ -233,7 +263,7 @@ class _Table:
         track, terms = self._track, self._terms
         sines, unsteady = 2 * terms.sines.size, terms.unsteady
         rows = np.empty((self.size, track.time.size))
-        rotation, power = self.carrier(), np.ones(track.time.size, dtype=complex)
+        rotation, power = self._carrier(), np.ones(track.time.size, dtype=complex)
         for k in range(terms.harmonics):
             power = power * rotation
             rows[2 * k], rows[2 * k + 1] = power.real, -power.imag
@@ -267,5 +297,15 @@ class _Table:
     def model(self, coefficients: FloatArray) -> FloatArray:
         return coefficients.T @ self._rows
 
-    def carrier(self) -> ComplexArray:
+    def quarters(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+        parts = [(self._rows[:2, low:high], residual[:, low:high]) for low, high in pairwise(_quarters(self._track))]
+        return np.stack([rows @ rows.T for rows, _ in parts]), np.stack([rows @ left.T for rows, left in parts])
+
+    def beside(self, residual: FloatArray, harmonics: int, offset: float, reach: int) -> ComplexArray:
+        time, steps = self._track.time, np.arange(-reach, reach + 1)
+        steady = self._terms.omega * np.arange(1, harmonics + 1)[:, None] * time + self._course.turn
+        sums = np.fft.fft(residual[:, None] * np.exp(-1j * steady), axis=-1)[..., steps]
+        return np.asarray(sums * np.exp(-1j * offset * steps * time[0]))
+
+    def _carrier(self) -> ComplexArray:
         return np.asarray(np.exp(1j * (self._terms.omega * self._track.time + self._course.turn)))

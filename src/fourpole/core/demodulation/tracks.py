@@ -99,6 +99,14 @@ class Track(ByValue):
         """Sum (channels,) of the squares of the samples."""
         return np.einsum("ij,ij->i", self.signals, self.signals)
 
+    @cached_property
+    def trendless(self) -> FloatArray:
+        """V1 (N,) minus its mean and slope."""
+        motion = self.signals[self.names.index("motion_in")]
+        index = np.arange(motion.size) - 0.5 * (motion.size - 1)
+        index *= (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
+        return np.asarray(motion - np.add(index, motion.mean(), out=index))
+
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
     """Tracks of the channels `names` over their common time, V1 first; RecordingError for a channel without signal."""
@@ -159,7 +167,7 @@ def _different(rows: ComplexArray) -> ComplexArray:
 
 def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, BoolArray]:
     """Samples (C, N) minus their means, 0 for missing samples; flags (N,) of the samples that all channels have."""
-    raw = np.stack([recording.channels[name].samples for name in names])
+    raw = np.array([recording.channels[name].samples for name in names])
     if raw.shape[1] < _FEWEST_SAMPLES:
         raise RecordingError(
             f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "

@@ -9,7 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
-from fourpole.core.demodulation.envelope import envelope
+from fourpole.core.demodulation.envelope import ENVELOPE, envelope
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.terms import DRIFT
 from fourpole.core.demodulation.tracks import STEADY, Track, tracks_of
@@ -112,8 +112,9 @@ def _may_wander(recording: Recording, steady: Demodulation, share: float) -> boo
     """Whether the amplitude of V1 varies enough for its residual to fall to a share when the variation is followed."""
     if recording.reference is not None:
         return True
-    motion = _motion(recording)
-    amplitude = envelope([motion], float(steady.phasors.omega)).amplitudes["motion_in"]
+    omega = float(steady.phasors.omega)
+    over_time = recording.made.get(ENVELOPE) or envelope([_motion(recording)], omega)
+    amplitude = over_time.amplitudes["motion_in"] * np.exp(1j * (over_time.omega - omega) * over_time.time)
     there = amplitude[np.isfinite(amplitude)]
     if there.size < _FEWEST_STRETCHES:
         return False
