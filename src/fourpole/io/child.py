@@ -33,7 +33,7 @@ from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
 SPARE = 3_000_000_000
 #: Memory that a small file may need to be read [byte], of which libraries take up to 220 MB; and additional memory per
 #: byte of it, since packed samples become numbers.
-_SMALL, _UNPACKED = 400_000_000, 100
+_SMALL, _UNPACKED = 370_000_000, 100
 #: Processor time that a file may need [s], and the additional time per byte [s/byte].
 SECONDS, _PER_BYTE = 60.0, 1e-6
 #: Time without progress after which a worker is ended [s]. Its progress is looked at once a second, and the looks are
