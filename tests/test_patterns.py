@@ -201,6 +201,7 @@ WORST = {
     "units/kinds._likely": ("", "a", ""),
     "units/kinds._likely#2": ("", "a", ""),
     "units/kinds._likely#3": ("", "Z", "\t"),
+    "io/layout._THOUSANDS": ("", "1\u202f", "!"),
     "io/tables/cells._COMPLEX_CELL": ("", "1", "!"),
     "io/tables/vocabulary._AMPLITUDES": ("", "p-", "!"),
     "io/tables/vocabulary._IN_HAN": ("", "频", "1"),

@@ -79,7 +79,7 @@ def test_a_transmissibility_gives_the_stiffness_on_its_rig(tmp_path, heads):
 
 @pytest.mark.parametrize(("heads", "columns", "said"), [
     (["f [Hz]", "Receptance [mm/N]", "Phase [deg]"], (F, abs(H) * 1e3, degrees(K)), "negative in all rows"),
-    (["f [Hz]", "Magnitude [dB]", "Phase [deg]"], (F, 20 * np.log10(abs(A)), degrees(A)), "is needed"),
+    (["f [Hz]", "Magnitude [dB]", "Phase [deg]"], (F, 20 * np.log10(abs(A)), degrees(A)), "levels in dB"),
     (["freq", "K_storage", "K_loss"], (F, K.real, K.imag), "state no unit"),
 ])  # fmt: skip
 def test_what_is_not_clear_is_asked_for(tmp_path, heads, columns, said):
@@ -288,3 +288,10 @@ def test_complex_arrays_of_matlab_of_version_7_3(tmp_path):
     with (tmp_path / "t.mat").open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, made by a test".ljust(124) + bytes([0, 2]) + b"IM")
     np.testing.assert_allclose(read_k_star(tmp_path / "t.mat").stiffness, K, rtol=1e-9)
+
+
+def test_thousands_apart_by_a_narrow_blank(tmp_path):
+    (tmp_path / "t.csv").write_text(
+        "f [Hz];K' [N/m];K'' [N/m]\n1;200\u202f490,94;20\u00a0000,5\n2;201\u202f000,5;20\u00a0100,5\n"
+    )
+    np.testing.assert_allclose(read_k_star(tmp_path / "t.csv").stiffness[0], 200490.94 + 20000.5j)

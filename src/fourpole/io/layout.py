@@ -42,6 +42,8 @@ _NUMBERS = re.compile(r"[^A-DF-Za-df-z0-9\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\
 _SIGNS = re.compile(r"[|=&<>]+")
 #: Share of the cells of a row of units that are known units.
 _KNOWN_UNITS = 0.5
+#: A narrow or fixed blank between thousands.
+_THOUSANDS = re.compile(r"(?<=[0-9])[\u00a0\u2009\u202f](?=[0-9]{3}(?![0-9]))")
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\((?![+-]?[0-9.]+[+-])[^()]*\)")
 
 
@@ -83,6 +85,8 @@ def is_missing(cell: str) -> bool:
 def number(cell: str, decimal: str = ".") -> float | None:
     """The finite number in a cell; None if there is none."""
     text = cell.strip()
+    if not text.isascii():
+        text = _THOUSANDS.sub("", text)
     if decimal == "," and "," in text:
         if "." in text:
             return None
@@ -348,7 +352,7 @@ def _decimal(rows: Iterable[list[str]], delimiter: str) -> str:
     if delimiter == ",":
         return "."
     cells = [cell for row in rows for cell in row[:50]]
-    commas = sum(_DECIMAL_COMMA.fullmatch(cell) is not None for cell in cells)
+    commas = sum(_DECIMAL_COMMA.fullmatch(_THOUSANDS.sub("", cell)) is not None for cell in cells)
     points = sum("." in cell and _NUMBER.fullmatch(cell) is not None for cell in cells)
     return "," if commas > points else "."
 

@@ -110,6 +110,8 @@ def _lacking(cells: Cells, found: Sequence[Taken], stated: set[str]) -> str:
         roles_of = {one.role for one in roles}
         likely = [one for one in ("magnitude", "storage") if one == "storage" or roles_of & {"angle", "tan"}]
         text += " or ".join(f'--column "{one}=NAME [kN/m]"' for one in likely)
+    if any("db" in f"{one.unit} {one.head}".casefold().split() for one in cells.columns if not one.words):
+        text += "; levels in dB are not read: write 10^(dB/20) of the reference in their place"
     return text + unread(cells)
 
 
