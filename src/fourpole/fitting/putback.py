@@ -24,7 +24,7 @@ Datum = tuple[Measured, StiffnessData]
 _HEADS = (q.STORAGE, q.LOSS, q.K1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Part:
     """Some frequencies of a condition with one operating point.
 
