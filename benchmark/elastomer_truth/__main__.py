@@ -10,12 +10,17 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import polars as pl
+
 from elastomer_truth.adapters import METHODS, Answer, method
 from elastomer_truth.drawing import names
-from elastomer_truth.score import KEY, NUMBERS, failures, page, read_answers, read_truth, score
+from elastomer_truth.page import page, report
+from elastomer_truth.score import KEY, NUMBERS, read_answers, read_truth, score
 from elastomer_truth.write import checksum, make, write_rows
 
 HERE = Path(__file__).resolve().parents[1]
+#: Marks of a page between which the tables stand.
+BEGIN, END = "<!-- begin: made by make benchmark -->", "<!-- end: made by make benchmark -->"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -28,6 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--work", type=Path, default=HERE / "work", help="folder of data, truth and results")
     parser.add_argument("--method", action="append", choices=list(METHODS), help="by default all that are installed")
     parser.add_argument("--clean", action="store_true", help="make: no noise of sensors, and words of any length")
+    parser.add_argument("--page", type=Path, help="score: a page that gets the tables between its marks")
     asked = parser.parse_args(arguments)
     chosen = [name for name in names() if not asked.names or name.startswith(tuple(asked.names))]
     if not chosen:
@@ -116,22 +122,30 @@ def _score(asked: argparse.Namespace, chosen: list[str]) -> int:
     """Score all results that are there; score.csv and score.md are written beside them."""
     truth = read_truth(asked.work / "truth", chosen)
     results = asked.work / "results"
+    methods = {name.replace(" ", "-"): name for name in asked.method or METHODS}
+    others = sorted({path.name for path in results.iterdir() if path.is_dir()} - methods.keys())
     found = {}
-    for folder in sorted(path for path in results.iterdir() if path.is_dir()):
-        if asked.method is None or folder.name in [name.replace(" ", "-") for name in asked.method]:
-            found[folder.name] = score(truth, read_answers(folder))
-    import polars as pl
-
-    table = pl.concat(
+    for folder in [*methods, *(others if asked.method is None else ())]:
+        if (results / folder).is_dir():
+            values, causes = read_answers(results / folder)
+            # A method is scored on the campaigns that it was run on.
+            run = set(values["campaign"]) | {path.stem for path in (results / folder / "parts").glob("*.json")}
+            own = [table.filter(pl.col("campaign").is_in(run)) for table in truth]
+            if own[0].height:
+                found[methods.get(folder, folder)] = score((own[0], own[1]), (values, causes))
+    pl.concat(
         [one.table.insert_column(0, pl.lit(name).alias("method")) for name, one in found.items()],
         how="vertical_relaxed",
-    )
-    table.write_csv(results / "score.csv")
-    text = page(found)
-    lists = [f"\n{name}: wrong with confidence\n\n{failures(one)}" for name, one in found.items() if one.wrong.height]
-    (results / "score.md").write_text(text + "".join(lists), encoding="utf-8"
-    )  # fmt: skip
-    print(text)
+    ).write_csv(results / "score.csv")
+    text = report(found)
+    (results / "score.md").write_text(text, encoding="utf-8")
+    if asked.page is not None:
+        before, begin, rest = asked.page.read_text(encoding="utf-8").partition(BEGIN)
+        _, end, after = rest.partition(END)
+        if not (begin and end):
+            raise SystemExit(f"{asked.page}: the marks {BEGIN} and {END} are missing; put them where the tables belong")
+        asked.page.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
+    print(page(found))
     return 0
 
 

@@ -264,7 +264,7 @@ def _scale(rng: np.random.Generator, lab: Laboratory) -> None:
             if role in lab.sensors:
                 power = {"displacement": 0, "velocity": 1, "acceleration": 2}[lab.sensors[role].quantity]
                 top[role] = max(top[role], float(test.amplitude * (found[:, column] * (2 * np.pi * f) ** power).max()))
-    for role in top.keys() & lab.sensors.keys():
+    for role in [role for role in top if role in lab.sensors]:
         lab.sensors[role].full_scale = 3.0 * top[role]
         lab.sensors[role].noise = top[role] * _between(rng, 1e-4, 2e-3)
     largest = 1.6 * max(test.preload for test in lab.tests)

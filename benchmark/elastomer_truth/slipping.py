@@ -110,7 +110,7 @@ def _derivative(batch: Batch, state: Array, count: int, scale: Array) -> tuple[A
 
 
 def _fixed_point(batch: Batch, state: Array, inverse: Array, count: int, scale: Array) -> tuple[Array, Array]:
-    """The periodic state (R, n) and the outputs (count, R, 4) of its period; the derivative is found again if it must."""
+    """The periodic state (R, n) and the outputs (count, R, 4) of its period, by Newton's method."""
     last = np.inf
     for _ in range(60):
         after, kept = batch.cycle(state[:, None, :], count, keep=True)

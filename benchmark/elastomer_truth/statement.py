@@ -116,12 +116,12 @@ def rows_of_stiffness(
 
 
 def static_stiffness(campaign: Campaign, test: dict[str, str]) -> float:
-    """K1: slope at the preload of a parabola through the last cycle within a tenth of the preload."""
+    """K1: slope at the preload of a parabola through both branches of the last cycle, near the preload."""
     signals = campaign.signals(test)
     load, deflection = (signals[role][2 * signals[role].size // 3 :] for role in ("load", "deflection"))
     preload = float(test["preload [N]"])
-    near = np.abs(load - preload) < 0.1 * preload
-    fit = np.polynomial.polynomial.polyfit(deflection[near] - deflection[near].mean(), load[near] - preload, 2)
-    at = np.roots([fit[2], fit[1], fit[0]])
-    root = min(at.real, key=abs)
-    return float(fit[1] + 2 * fit[2] * root)
+    middle = deflection[np.abs(load - preload) < 0.05 * preload].mean()
+    near = np.abs(deflection - middle) < 0.05 * np.ptp(deflection)
+    constant, slope, bend = np.polynomial.polynomial.polyfit(deflection[near] - middle, load[near] - preload, 2)
+    at = -constant / slope
+    return float(slope + 2 * bend * at)
