@@ -29,11 +29,13 @@ _STEP = 1e-4
 def groups(lab: Laboratory) -> dict[str, tuple[str, ...]]:
     """Causes, as "cause channel", that the recordings cannot tell from each linear fault of a campaign, by its name.
 
-    Static tests, and faults that are not the same in all tests, are in no group.
+    A fault of the static tests moves K1 alone, so no recording shows it: its group is "none". Faults that are not the
+    same in all tests, and those of a filled rubber, are in no group.
     """
+    static = {fault.name: ("none",) for fault in lab.faults if fault.cause.startswith("static")}
     linear = [fault for fault in lab.faults if fault.linear]
     if not linear or any(one.slip for one in lab.specimens.values()):
-        return {}
+        return static
     plain = deepcopy(lab)
     _without_faults(plain, lab)
     tests = _dynamic(plain)
@@ -43,7 +45,7 @@ def groups(lab: Laboratory) -> dict[str, tuple[str, ...]]:
     for name, (_, _, sizes, _, where, same) in FAULTS.items():
         if same and where(plain):
             marks[name] = _remain(projector, _moved(plain, tests, base, name, sizes[0]))
-    found = {}
+    found: dict[str, tuple[str, ...]] = {**static}
     for fault in linear:
         mark = _remain(projector, _moved(plain, tests, base, fault.name, fault.size))
         alike = []

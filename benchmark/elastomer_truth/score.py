@@ -88,7 +88,8 @@ def score(truth: tuple[pl.DataFrame, pl.DataFrame], answers: tuple[pl.DataFrame,
                 named = judged.filter(pl.col("tier") == tier)["judgement"].to_list()
                 table[-1] |= {f"causes {word}": named.count(word) for word in ("right", "fair", "wrong", "none")}
     said = faults.group_by("campaign").agg(
-        pl.col("fault").str.join(", ").alias("faults"), pl.col("alike").str.contains("none").all().alias("unseen")
+        pl.col("fault").str.join(", ").alias("faults"),
+        pl.col("alike").fill_null("").str.contains("none").all().alias("unseen"),
     )
     wrong = (
         rows.filter(pl.col("confident")).join(said, on="campaign", how="left")

@@ -85,11 +85,16 @@ def write_rows(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]
 
 
 def checksum(folder: Path) -> str:
-    """SHA-256 of the names and contents of all files of a campaign."""
+    """SHA-256 of the names and contents of all files of a campaign; of Parquet files that of the columns."""
     found = hashlib.sha256()
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        parts = [path.read_bytes()]
+        if path.suffix == ".parquet":
+            parts = [
+                name.encode() + column.to_numpy().tobytes() for name, column in pl.read_parquet(path).to_dict().items()
+            ]
         found.update(path.relative_to(folder).as_posix().encode() + b"\0")
-        found.update(hashlib.sha256(path.read_bytes()).digest())
+        found.update(hashlib.sha256(b"\0".join(parts)).digest())
     return found.hexdigest()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ def method(name: str) -> Callable[[Path], Answer]:
     if name not in METHODS:
         raise ValueError(f"{name}: no such method; methods are {', '.join(METHODS)}")
     module, arguments, package = METHODS[name]
-    if package:
-        import_module(package)
+    if package and find_spec(package) is None:
+        raise ImportError(f"no package {package}")
     answer = import_module(f"elastomer_truth.adapters.{module}").answer
     return lambda folder: answer(folder, *arguments)

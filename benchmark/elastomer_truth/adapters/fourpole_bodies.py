@@ -11,14 +11,19 @@ def number(text: str | None) -> float:
 
 
 def transfer(
-    stiffness: complex, line: dict[str, str], bodies: list[dict[str, str]], frequency: float
+    stiffness: complex, line: dict[str, str], bodies: list[dict[str, str]], frequency: float, *, weighed: bool
 ) -> tuple[complex, float]:
-    """k21 over K* of the springs for a mass between two springs, or spread from end to end, and its uncertainty."""
+    """k21 over K* of the springs for a mass between two springs, or spread from end to end, and its uncertainty.
+
+    `weighed` says that the statement has a mass of the specimen.
+    """
     own = [
         body
         for body in bodies
         if body["tyre"] == line["tyre"] and abs(number(body["preload [N]"]) - number(line["preload [N]"])) < 1
     ]
+    if line["K* of"] == "driving point" or (weighed and line["K* of"] == "springs" and not own):
+        return complex("nan"), 0.0  # Fourpole has no k21 of it
     if line["K* of"] != "springs" or not own or own[0]["form"] == "massless":
         return 1.0 + 0j, 0.0
     mass, u = number(own[0]["belt mass [kg]"]), number(own[0]["u(belt mass) [kg]"])

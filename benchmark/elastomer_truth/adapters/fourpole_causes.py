@@ -54,7 +54,6 @@ _ONE_TEST = (
     "steady channel",
 )
 _STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
-_UNITS = {"f1_kgf_as_n", "kgf"}
 
 
 def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str, Any]]:
@@ -85,7 +84,7 @@ def _cause(candidate: dict[str, Any]) -> tuple[str, str] | None:
     text, part, name = candidate["text"], str(candidate["part"]), candidate["name"]
     if "sign inverted" in text:
         return "sign", part.rsplit(maxsplit=1)[-1]
-    if any(word in text for word in ("kgf", "kN", "unit of V2")):
+    if " read as " in text or "unit of V2" in text:
         return "unit", "F1" if "F1" in part else part.rsplit(maxsplit=1)[-1]
     if part.startswith("cross-talk"):
         return "cross-talk", part.rsplit(maxsplit=1)[-1]

@@ -39,7 +39,9 @@ def answer(folder: Path, route: str) -> Answer:
     if done.returncode not in (0, 3):
         raise RuntimeError(f"fourpole analyse ended with {done.returncode}: {done.stderr[-600:]}")
     results = made / "results"
-    rows = [_static(row) for row in _read(results / "static.csv")]
+    preloads = {test["test"]: float(test["preload [N]"]) for test in campaign.tests}
+    static = [row for row in _read(results / "static.csv") if row["preload [N]"]]
+    rows = [_static(row) for row in static if abs(number(row["preload [N]"]) - preloads[row["test"]]) < 1]
     by_test: dict[str, Table] = {}
     for row in _read(results / "dynamic.csv"):
         by_test.setdefault(row["test"], []).append(row)
@@ -87,9 +89,11 @@ def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency:
         if not (name == "TR" and campaign.blocked):
             found.append(_row(test, frequency, name, size, abs(std), worst))
     whole = complex(found[0]["value"], found[1]["value"])
-    factor, u_factor = transfer(whole, near[0], bodies, frequency)
+    weighed = "mass" in campaign.stated["specimens"][near[0]["tyre"]]
+    factor, u_factor = transfer(whole, near[0], bodies, frequency, weighed=weighed)
     k21 = whole * factor
     for name, value, own, other in (("k21'", k21.real, 0, 1), ("k21''", k21.imag, 1, 0)):
         parts = factor.real * found[own]["u"], factor.imag * found[other]["u"], abs(whole) * u_factor
         found.append(_row(test, frequency, name, value, math.hypot(*parts), found[0]["verdict"]))
-    return found
+    # K* with the inertia of the specimen in it is said to be no K* of springs.
+    return found if near[0]["K* of"] == "springs" else [row for row in found if row["quantity"] not in ("K'", "K''")]
