@@ -14,6 +14,7 @@ from typing import Any
 from elastomer_truth.adapters import Answer
 from elastomer_truth.adapters.fourpole_bodies import number, transfer
 from elastomer_truth.adapters.fourpole_causes import causes
+from elastomer_truth.adapters.fourpole_lines import lines_around, weights_of
 from elastomer_truth.adapters.fourpole_statement import campaign_toml, tests_csv
 from elastomer_truth.statement import Campaign, read
 
@@ -68,24 +69,23 @@ def _static(row: dict[str, str]) -> dict[str, Any]:
 
 
 def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency: float) -> list[dict[str, Any]]:
-    """The rows of one frequency, by interpolation between the two lines around it; the worse verdict counts."""
+    """The rows of one frequency, by interpolation between the lines around it; the worst verdict counts."""
     used = [line for line in lines if line["frequency [Hz]"]]
     used.sort(key=lambda line: abs(float(line["frequency [Hz]"]) - frequency))
     if not used:
         return []
-    near = used[:1] if len(lines) == 1 else used[:2]
-    if len(near) == 2 and near[0]["frequency [Hz]"] == near[1]["frequency [Hz]"]:
-        near = near[:1]
-    f = [float(line["frequency [Hz]"]) for line in near]
-    weights = [1.0] if len(near) == 1 else [(f[1] - frequency) / (f[1] - f[0]), (frequency - f[0]) / (f[1] - f[0])]
-    if abs(f[0] / frequency - 1) > 0.05 or max(weights) > 3:
-        near, weights = near[:1], [1.0]
+    near = lines_around(used, frequency)
+    weights = weights_of([float(line["frequency [Hz]"]) for line in near], frequency)
     rank = ["ok", "warning", "rejected"]
     found = []
-    for name, (value, u, verdict) in _COLUMNS.items():
+    for name, (head, u, verdict) in _COLUMNS.items():
         words = [line.get(verdict) or line["verdict"] for line in near]
         worst = max(words, key=lambda word: rank.index(word) if word in rank else 2)
-        size, std = (sum(w * number(line[head]) for w, line in zip(weights, near, strict=True)) for head in (value, u))
+        # 1/TR^2 is nearly a parabola of f^2, K* is one over three lines.
+        power = -2 if name == "TR" and len(near) > 1 else 1
+        size = sum(w * number(line[head]) ** power for w, line in zip(weights, near, strict=True))
+        size = abs(size) ** (1 / power) if power < 0 else size
+        std = max(number(line[u]) for line in near) if power == 1 else size * number(near[0][u]) / number(near[0][head])
         if not (name == "TR" and campaign.blocked):
             found.append(_row(test, frequency, name, size, abs(std), worst))
     whole = complex(found[0]["value"], found[1]["value"])
