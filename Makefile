@@ -22,7 +22,7 @@ TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 # Two processes use both cores; more threads of polars in each wait for each other.
 pytest lowest every: export POLARS_MAX_THREADS ?= 1
 
-.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile every lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install benchmark benchmark-data validate faults hostile every lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -162,6 +162,17 @@ bench: $(READY_BENCH)  ## compare with the peers, write the table of docs/speed.
 
 validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on where it was stopped; ONLY=faults: these
 	@$(BIN)/python validation/validate.py $(if $(ONLY),--only $(ONLY))
+
+# Each step goes on where it was stopped. Data, truth and answers are in benchmark/work.
+BENCHMARK := PYTHONPATH=benchmark
+
+benchmark-data: $(READY)  ## make the campaigns of the benchmark, 0.2 GB; ONLY=H001: one, ONLY=H: the honest ones
+	@$(BENCHMARK) $(BIN)/python -m elastomer_truth make $(ONLY)
+	-@$(BENCHMARK) $(BIN)/python -m elastomer_truth check $(ONLY)
+
+benchmark: $(READY_BENCH) benchmark-data  ## run all methods on them, score, and write docs/benchmark.md; half an hour of CPU time
+	@$(BENCHMARK) .venv-bench/bin/python -m elastomer_truth run $(ONLY)
+	@$(BENCHMARK) .venv-bench/bin/python -m elastomer_truth score $(ONLY) --page docs/benchmark.md
 
 faults: $(READY) strace  ## errors, a full disk and kills at every call of two commands; 20 CPU minutes, goes on where it was
 	@$(BIN)/python -m tests.faults

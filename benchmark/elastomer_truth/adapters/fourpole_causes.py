@@ -1,0 +1,97 @@
+"""The causes that Fourpole names in study.json and checks.csv, in the words of the benchmark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+#: Starts of the source of a cause in study.json, with the cause; the channel is the word after it.
+_OF_CHANNEL = {
+    "gain drift": "gain drift",
+    "gain step": "gain drift",
+    "gain with one mass": "gain",
+    "mounting gain": "gain",
+    "mounting phase": "phase",
+    "gain": "gain",
+    "phase": "phase",
+    "delay": "delay",
+    "low-cut": "low-cut",
+    "fixture": "fixture",
+    "slope": "slope",
+}
+#: Names of other causes.
+_OTHERS = {
+    "tyre mass": ("moving mass", "rig"),
+    "moving mass": ("moving mass", "rig"),
+    "preload spring": ("preload spring", "rig"),
+    "preload stiffness": ("preload spring", "rig"),
+    "preload damping": ("preload damping", "rig"),
+    "frame": ("frame", "rig"),
+    "leaf friction": ("friction", "rig"),
+    "input mass": ("input mass", "rig"),
+    "added mass": ("added mass", "added mass"),
+    "drift of": ("drift", "specimen"),
+    "step of": ("drift", "specimen"),
+    "scatter": ("scatter", "specimen"),
+}
+#: Checks of recordings that name a fault of a channel, when most of the tests have them.
+_CHECKS = {
+    "clipping": "clipping",
+    "linearity of F1": "clipping",
+    "linearity of the rig": "clipping",
+    "drop-outs": "drop-outs",
+    "noise": "noise",
+    "mains": "hum",
+    "residual": "tone",
+}
+#: Checks that name one test.
+_ONE_TEST = (
+    "agreement",
+    "K* curve",
+    "K* curve of another condition",
+    "labels",
+    "copy",
+    "stated frequency",
+    "steady channel",
+)
+_STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
+
+
+def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str, Any]]:
+    """At most three causes, best first: of the misfit of the rig, of recordings, of single tests, of K1."""
+    found: list[tuple[str, str]] = []
+    for rig in (study.get("joint") or {}).values():
+        if rig.get("fits", True):
+            continue
+        found += [cause for each in rig.get("candidates", []) if (cause := _cause(each))]
+    bad = [check for check in checks if check["verdict"] != "ok"]
+    tests = {check["test"] for check in checks}
+    for code, cause in _CHECKS.items():
+        channels = [check["channel"] for check in bad if check["code"] == code]
+        if channels and len({check["test"] for check in bad if check["code"] == code}) >= 0.3 * len(tests):
+            channel = "V2" if code == "linearity of the rig" else max(set(channels), key=channels.count)
+            found.append((cause, channel or "F1"))
+    for check in bad:
+        if check["code"] in _ONE_TEST and sum(c["code"] == check["code"] for c in bad) <= 3:
+            found.append(("one test", check["test"]))
+        if check["code"] in _STATIC:
+            found.append(_STATIC[check["code"]])
+    ranked = list(dict.fromkeys(found))[:3]
+    return [{"rank": at, "cause": cause, "channel or part": part} for at, (cause, part) in enumerate(ranked, 1)]
+
+
+def _cause(candidate: dict[str, Any]) -> tuple[str, str] | None:
+    """A candidate of study.json as cause and channel or part; None for one that the benchmark has no word for."""
+    text, part, name = candidate["text"], str(candidate["part"]), candidate["name"]
+    if "sign inverted" in text:
+        return "sign", part.rsplit(maxsplit=1)[-1]
+    if " read as " in text or "unit of V2" in text:
+        return "unit", "F1" if "F1" in part else part.rsplit(maxsplit=1)[-1]
+    if part.startswith("cross-talk"):
+        return "cross-talk", part.rsplit(maxsplit=1)[-1]
+    for start, cause in _OF_CHANNEL.items():
+        if part.startswith(f"{start} ") and part.rsplit(maxsplit=1)[-1] in ("F1", "V1", "V2"):
+            return cause, part.rsplit(maxsplit=1)[-1]
+    for start, other in _OTHERS.items():
+        if name.startswith(start) or part.startswith(start):
+            return other
+    return None

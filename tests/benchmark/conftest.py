@@ -1,0 +1,6 @@
+"""The package of the benchmark is beside the house, and is not installed."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
