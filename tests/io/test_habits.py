@@ -295,3 +295,19 @@ def test_thousands_apart_by_a_narrow_blank(tmp_path):
         "f [Hz];K' [N/m];K'' [N/m]\n1;200\u202f490,94;20\u00a0000,5\n2;201\u202f000,5;20\u00a0100,5\n"
     )
     np.testing.assert_allclose(read_k_star(tmp_path / "t.csv").stiffness[0], 200490.94 + 20000.5j)
+
+
+def test_a_number_or_name_of_each_row_is_no_label(tmp_path):
+    names = [f"p{at}" for at in range(F.size)]
+    for head, cells in (("id", 1.0 + np.arange(F.size)), ("name", names)):
+        path = written(tmp_path / "t.csv", [head, "f [Hz]", "K' [N/m]", "K'' [N/m]"], cells, F, K.real, K.imag)
+        assert len(read_measured(path).conditions) == 1
+
+
+def test_the_unit_of_a_loaded_radius_is_stated(tmp_path):
+    x = np.linspace(0, 20, 21)
+    path = written(tmp_path / "t.csv", ["RL", "FZ"], 31 - x / 10, -200 * x)
+    with pytest.raises(TableError, match="radius=RL"):
+        read_curve(path)
+    found = read_curve(path, columns=["radius=RL [cm]", "load=FZ [N]"])
+    np.testing.assert_allclose(found.deflection, x * 1e-3, atol=1e-9)

@@ -28,17 +28,18 @@ def cells_of(column: Column) -> list[str]:
 def labels_in(cells: Cells) -> tuple[list[Column], list[Column]]:
     """The columns whose words, of several, name a specimen, direction or batch; and those of no known kind.
 
-    The latter are columns of words, and those of numbers that have few values, each in several rows.
+    The latter are columns of words, and those of numbers that have few values, each in several rows. A column with
+    another word in each row, as a number of the row, is none of them.
     """
     known, other = list[Column](), list[Column]()
     for column in cells.columns:
-        kinds = _kinds(column)
-        if len({*cells_of(column)} - {""}) < 2 or "repeat" in kinds:
+        kinds, words = _kinds(column), [word for word in cells_of(column) if word]
+        if not 1 < len({*words}) < len(words) or "repeat" in kinds or not (column.words or _is_stepped(column)):
             continue
-        numbered = column.unit is None and not np.any(np.nan_to_num(column.values) % 1)
-        if kinds & {"specimen", "apart"} and (column.words or numbered):
+        whole = column.unit is None and not np.any(np.nan_to_num(column.values) % 1)
+        if kinds & {"specimen", "apart"} and (column.words or whole):
             known.append(column)
-        elif not kinds and (column.words or (not column.bad and _is_stepped(column))):
+        elif not kinds:
             other.append(column)
     return known, other
 
@@ -46,7 +47,7 @@ def labels_in(cells: Cells) -> tuple[list[Column], list[Column]]:
 def _is_stepped(column: Column) -> bool:
     """Whether a column of numbers has few values, each in several rows, as a condition has."""
     _, counts = np.unique(column.values[np.isfinite(column.values)], return_counts=True)
-    return counts.size > 1 and bool(np.all(counts > 1))
+    return not column.bad and bool(np.all(counts > 1))
 
 
 def _kinds(column: Column) -> set[str]:

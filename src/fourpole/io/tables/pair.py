@@ -137,7 +137,7 @@ def _read(
 ) -> _Pair:
     """The columns of two roles from a table; `noun` is what they make in messages, as "a static curve"."""
     stated = statements(columns)
-    wrong = [one.role for one in stated if one.role not in roles]
+    wrong = [one.role for one in stated if one.role not in (*roles, *map(_INSTEAD.get, roles))]
     if wrong:
         raise TableError(f"--column: {noun} has the roles {roles[1]} and {roles[0]}, not {', '.join(wrong)}")
     good, errors = [], []
