@@ -90,6 +90,21 @@ class ByRows(ByValue):
         return type(self)(*(np.asarray(getattr(self, field.name))[rows] for field in fields(cast("Any", self))))
 
 
+def inverse_of_two(matrix: FloatArray) -> FloatArray:
+    """Inverses of matrices (N, 2, 2), in closed form: LAPACK takes ten times as long for as many small ones.
+
+    Examples
+    --------
+    >>> inverse_of_two(np.array([[[2.0, 1.0], [1.0, 1.0]]])).tolist()
+    [[[1.0, -1.0], [-1.0, 2.0]]]
+    """
+    (a, b), (c, d) = matrix[:, 0].T, matrix[:, 1].T
+    found = np.empty(matrix.shape)
+    found[:, 0, 0], found[:, 0, 1], found[:, 1, 0], found[:, 1, 1] = d, -b, -c, a
+    found /= (a * d - b * c)[:, None, None]
+    return found
+
+
 def same_value(value: Any, other: Any) -> bool:
     """Whether two values are equal; they may be or hold arrays and tables. Not-a-number equals itself."""
     if isinstance(value, np.ndarray | np.inexact | float) or isinstance(other, np.ndarray):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray, inverse_of_two
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import inverse_upper, linearise, upper_factor
 from fourpole.core.joint.solve import Problem, Solution
@@ -65,10 +65,10 @@ def squares(conditions: JointConditions, departures: Deviations, scatter: float)
     """
     here = slice(conditions.first, None)
     label = conditions.label[here]
-    value, weight = departures.value[here], np.linalg.inv(departures.covariance[here] + scatter**2 * np.eye(2))
+    value, weight = departures.value[here], inverse_of_two(departures.covariance[here] + scatter**2 * np.eye(2))
     pull = (weight @ value[..., None])[..., 0]
     starts = conditions.starts - conditions.first
-    total = np.linalg.inv(np.add.reduceat(weight, starts, axis=0))
+    total = inverse_of_two(np.add.reduceat(weight, starts, axis=0))
     mean = (total @ np.add.reduceat(pull, starts, axis=0)[..., None])[..., 0]
     off = value - mean[label]
     whole = np.zeros(conditions.label.size)
@@ -150,7 +150,7 @@ def _likely(conditions: JointConditions, departures: Deviations, scatter: float)
     covariance = departures.covariance[here] + scatter**2 * np.eye(2)
     starts = conditions.starts - conditions.first
     sizes = np.log(np.linalg.det(covariance))
-    total = np.log(np.linalg.det(np.add.reduceat(np.linalg.inv(covariance), starts, axis=0)))
+    total = np.log(np.linalg.det(np.add.reduceat(inverse_of_two(covariance), starts, axis=0)))
     chi2 = np.add.reduceat(squares(conditions, departures, scatter)[here], starts)
     return np.asarray(-0.5 * (chi2 + np.add.reduceat(sizes, starts) + total))
 
@@ -203,7 +203,7 @@ def own_tests(problem: Problem, solution: Solution) -> OwnTests:
     for _ in range(_NEWTON):  # the departures may be many times the noise, where the model is no longer linear
         by_k, residual, by_shared, basis = _linear_at(plain, solution, shift)
         weight = np.swapaxes(by_k, 1, 2) @ by_k
-        covariance = square * np.linalg.inv(np.eye(2) + square * weight)
+        covariance = square * inverse_of_two(np.eye(2) + square * weight)
         drawn = covariance @ np.swapaxes(by_k, 1, 2)
         shift = (drawn @ (residual + np.einsum("nij,nj->ni", by_k, shift))[..., None])[..., 0]
         shift *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(shift).max(axis=1, keepdims=True), _FARTHEST))
