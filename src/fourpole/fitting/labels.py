@@ -35,13 +35,11 @@ def by_labels(frame: pl.DataFrame, labels: Sequence[str], rule: Sameness) -> tup
         names = frame["tyre"].to_list() if "tyre" in frame.columns else [""] * len(words)
         both = [", ".join(filter(None, pair)) for pair in zip(names, words, strict=True)]
         frame = frame.with_columns(pl.Series("tyre", both))
-        if frame[head].dtype == pl.String:
-            comments.discard(head)
         known = first_of([*dict.fromkeys(filter(None, words))], 4)
         remarks.append(f"column {shown(head)} tells rows of one condition and frequency apart: specimens {known}")
+    equal = whole.groups(conditions_in(frame, whole)).tolist() if comments else []
     for head in sorted(comments):
         words = frame[head].fill_null("").to_list()
-        equal = whole.groups(conditions_in(frame, whole)).tolist()
         if len({*zip(equal, words, strict=True)}) > len({*equal}):
             remarks.append(
                 f"rows of one condition and frequency differ in column {shown(head)} "

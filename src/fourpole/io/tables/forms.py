@@ -28,6 +28,8 @@ RATIOS = (("R", "I"), ("ratio", "angle"), ("force", "motion", "angle"), ("Re(TR)
 #: Roles of which K* may be made.
 QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I", "ratio", "force", "motion", "TR",
               "Re(TR)", "Im(TR)")  # fmt: skip
+#: Roles one of which each form of V2/V1 has.
+_ACROSS = frozenset({"TR", "Re(TR)"})
 _LETTERS = ("K", "G", "E", "M")
 _SHARED = ("tan", "angle", "damping")
 #: Heads of a phase that name its motion, and the derivatives from this motion to a velocity.
@@ -58,7 +60,7 @@ class Form(ByValue):
     @property
     def is_transmissibility(self) -> bool:
         """Whether it gives V2/V1 of the two sides of the specimen."""
-        return not {"TR", "Re(TR)"}.isdisjoint(self.columns)
+        return not _ACROSS.isdisjoint(self.columns)
 
 
 def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
@@ -75,7 +77,7 @@ def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
     for letter in (*_LETTERS, ""):
         for roles in LEVELS if letter else RATIOS:
             places = [(role, "" if role in _SHARED else letter) for role in roles]
-            key = letter or ("V2/V1" if {"TR", "Re(TR)"} & set(roles) else "")
+            key = letter or ("V2/V1" if _ACROSS & set(roles) else "")
             if stated <= set(roles) and all(place in by_role for place in places):
                 complete.setdefault(key, places)
     if not complete:

@@ -266,6 +266,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     of_form = [one for one in found if one.letter in ("", form.letter)]
     further, kept, notes = further_of(cells, of_form, used, factor)
     remarks += [*_rows(cells, [*used, *kept], frequency, values), *spoken, *notes]
+    known = {id(one.column) for one in (*used, *kept)}
     return KStarTable(
         frequency=frequency,
         mobility=values if form.is_mobility else None,
@@ -276,9 +277,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
         warnings=remarks,
         std=std,
         further=further,
-        labels=tuple(
-            one.head for one in labels_in(cells)[1] if id(one) not in {id(each.column) for each in [*used, *kept]}
-        ),
+        labels=tuple(one.head for one in labels_in(cells)[1] if id(one) not in known),
     )
 
 

@@ -186,13 +186,13 @@ def wide(cells: Cells) -> Cells:
     if len(named) != 1 or len(values) != 1:
         return cells
     units = next((one for one in cells.columns if plain(one.name) in _WORDS["unit"]), None)
+    stated = [""] * len(cells.lines) if units is None else cells_of(units)
     keys = [one for one in cells.columns if one not in (named[0], values[0], units)]
     keyed = [*zip(*(one.words or one.values.tolist() for one in keys), strict=True)] or [()] * len(cells.lines)
     rows: dict[tuple[object, ...], int] = {}
     found: dict[tuple[str, str], dict[int, float]] = {}
     seen: dict[tuple[object, ...], int] = {}
-    for at, (key, name) in enumerate(zip(keyed, cells_of(named[0]), strict=True)):
-        of = (name, "" if units is None else cells_of(units)[at])
+    for at, (key, of) in enumerate(zip(keyed, zip(cells_of(named[0]), stated, strict=True), strict=True)):
         turn = seen[*key, *of] = seen.get((*key, *of), -1) + 1
         row = rows.setdefault((*key, turn), at)
         found.setdefault(of, {})[row] = float(values[0].values[at])

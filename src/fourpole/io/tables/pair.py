@@ -28,13 +28,12 @@ from fourpole.io.tables.columns import (
 from fourpole.io.tables.labels import labelled, measured, one_label
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
+from fourpole.words import vocabulary
 from fourpole.words.heads import words_of
 
 #: Roles that may stand in for another; how far its least value goes beyond its largest if a load has the other sign.
 _INSTEAD, _MOSTLY = {"deflection": "radius"}, 2.0
-#: Words of a head that say which branch a load is of.
-_LOADING = frozenset({"loading", "up", "belastung", "hin", "加载", "負荷"})
-_UNLOADING = frozenset({"unloading", "unload", "down", "entlastung", "décharge", "rück", "卸载", "除荷"})
+_BRANCHES = {branch: frozenset(text.split()) for branch, text in vocabulary()["tables"]["branches"].items()}
 _Pair = tuple[FloatArray, FloatArray, list[str], list[str]]
 """Two columns in SI, not-a-number where a row has no value, how they were read, and warnings."""
 
@@ -183,7 +182,7 @@ def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement
 
 def _one_below_the_other(cells: Cells) -> Cells:
     """The table with two columns of the load, of loading and unloading side by side, as one cycle."""
-    ways = [[one for one in cells.columns if {*words_of(one.name)} & words] for words in (_LOADING, _UNLOADING)]
+    ways = [[one for one in cells.columns if {*words_of(one.name)} & words] for words in _BRANCHES.values()]
     if any(len(one) != 1 or one[0].words for one in ways) or ways[0] == ways[1]:
         return cells
     (up,), (down,) = ways
