@@ -176,7 +176,8 @@ def test_a_variable_that_unpacks_to_zeros(tmp_path: Path, outcome: Outcome) -> N
     bomb = zlib.compress(bytes(200_000_000), 9)
     whole = (tmp_path / "a.mat").read_bytes()[:128] + struct.pack("<II", 15, len(bomb)) + bomb
     (tmp_path / "b.mat").write_bytes(whole)
-    assert all("cannot be read as a MATLAB file" in said for said in outcome(tmp_path / "b.mat", "F1"))
+    refused = ("cannot be read as a MATLAB file", "declares more than it holds")  # the second where memory is short
+    assert all(any(one in said for one in refused) for said in outcome(tmp_path / "b.mat", "F1"))
 
 
 def nested(depth: int) -> bytes:
