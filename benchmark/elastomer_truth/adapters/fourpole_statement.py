@@ -44,10 +44,7 @@ def campaign_toml(campaign: Campaign) -> str:
         lines += ["", f'[{"tyres" if belt else "specimens"}."{name}"]']
         if "mass" in specimen:
             mass = specimen["mass"]
-            std = f", std = {mass['u']}" if belt else ""
-            lines.append(
-                f'{"belt_mass" if belt else "specimen_mass"} = {{ value = {mass["value"]}, unit = "kg"{std} }}'
-            )
+            lines.append(f'belt_mass = {{ value = {mass["value"]}, unit = "kg", std = {mass["u"]} }}')
     return "\n".join(lines) + "\n"
 
 

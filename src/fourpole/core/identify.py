@@ -370,7 +370,7 @@ class _Answers:
     def _without_inertia(self, bodies: Sequence[Body], by_stiffness: ComplexArray, *, at_ground: bool) -> ComplexArray:
         """Make K* that of the springs, and give its derivatives."""
         inertia = Inertia.of(bodies, self.stiffness.real)
-        self._body_std = np.stack([inertia.mass_std, inertia.share_std], axis=1)
+        self._body_std = np.stack([inertia.mass_std, inertia.shape_std], axis=1)
         self.stiffness, by = inertia.springs(self.stiffness, self.omega, at_ground=at_ground)
         by_stiffness = by_stiffness * by[:, :1]
         by_stiffness[:, _BODY_AT:] += by[:, 1:]

@@ -70,21 +70,23 @@ def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tup
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
     bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
-    straight = np.flatnonzero(used & ~np.array(bent, dtype=bool))
+    # No line of a recording with many can be another's: that would be an error of all its lines.
+    single = np.array([test.band is None for test in points.tests], dtype=bool)
+    straight = np.flatnonzero(used & single & ~np.array(bent, dtype=bool))
     strange, on_curves = np.zeros(used.size, dtype=bool), []
     if (curves := _curves(campaign, points, alone, straight)) is not None:
         strange[straight[curves.strange]] = True
         on_curves = list(curve_checks(curves, points, straight))
     checks = [
         *copies(points, sound & ~strange),
-        *noises(points, sound & np.array([test.band is None for test in points.tests], dtype=bool)),
+        *noises(points, sound & single),
         *scales(points, alone),
         *_exchanged_k1(campaign, points, alone, np.flatnonzero(used)),
         *on_curves,
     ]
     further = [axis.name for axis in campaign.stated.sameness.further]
     conditions = list(excitations(points, alone, further))
-    notes = mixed_amplitudes(points, alone, further) if straight.size < np.count_nonzero(used) else []
+    notes = mixed_amplitudes(points, alone, further) if any(bent) else []
     return replace(points, strange=strange).with_checks(checks), conditions, notes
 
 
