@@ -388,7 +388,11 @@ BELT_SHARE = Quantity(
 )
 BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
 BELT_SPREAD = Quantity(
-    "belt_spread", "", "spread of the mass", "1", "of a rod: 0 for a mass in its middle, 1 - 1/n for n masses, 1 if even"
+    "belt_spread",
+    "",
+    "spread of the mass",
+    "1",
+    "of a rod: 0 for a mass in its middle, 1 - 1/n for n masses, 1 if even",
 )
 BELT_EVIDENCE = Quantity(
     "belt_evidence", "", "evidence over massless", "1",

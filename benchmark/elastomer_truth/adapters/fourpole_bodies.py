@@ -12,7 +12,7 @@ def number(text: str | None) -> float:
 
 def _chain(stiffness: complex, inertia: float, spread: float) -> complex:
     """k21 over K* of n equal masses between n + 1 equal springs, at a spread of 1 - 1/n; inertia is w^2 m."""
-    n = 1 / min(max(1 - spread, 1e-4), 2.0)
+    n = 1 / min(max(1 - spread, 1e-4), 1.0)
     angle = 2 * np.arcsin(np.sqrt(inertia / (4 * n * (n + 1) * stiffness)))
     return complex((n + 1) * np.sin(angle) / np.sin((n + 1) * angle))
 

@@ -12,6 +12,7 @@ _RIG = {
     "moving mass": "moving_mass", "preload spring": "preload_stiffness", "preload damping": "preload_damping",
     "input mass": "input_mass", "frame stiffness": "frame_stiffness",
 }  # fmt: skip
+_SPREADS = {"two equal masses": 0.5, "spread evenly": 1.0}
 _KINDS = {"static": "static", "sine": "dynamic", "random": "random", "sweep": "sweep", "multisine": "random"}
 
 
@@ -45,6 +46,9 @@ def campaign_toml(campaign: Campaign) -> str:
         if "mass" in specimen:
             mass = specimen["mass"]
             lines.append(f'belt_mass = {{ value = {mass["value"]}, unit = "kg", std = {mass["u"]} }}')
+            lines += [
+                f"mass_spread = {spread}" for form, spread in _SPREADS.items() if specimen["form"].startswith(form)
+            ]
     return "\n".join(lines) + "\n"
 
 

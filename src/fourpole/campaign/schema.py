@@ -175,7 +175,8 @@ class SpecimenFile(BaseModel):
 
     `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
     `specimen_mass` is its whole weight, `belt_mass` what moves between its ends, and `belt_frequency` the first
-    frequency of this mass with the rim held and the contact free.
+    frequency of this mass with the rim held and the contact free. `mass_spread` is 0 for a mass in the middle, and 1 for
+    one that is spread evenly from end to end.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
@@ -185,6 +186,7 @@ class SpecimenFile(BaseModel):
     specimen_mass: Stated | None = None
     belt_mass: Stated | None = None
     belt_frequency: Stated | None = None
+    mass_spread: float | None = Field(default=None, ge=0, le=1)
 
     @field_validator("specimen_mass", "belt_mass", "belt_frequency", mode="before")
     @classmethod
@@ -198,14 +200,24 @@ class SpecimenFile(BaseModel):
     def _whole(self) -> SpecimenFile:
         if self.belt_frequency is not None and self.belt_mass is None:
             raise ValueError("belt_frequency tells the spring of a belt whose mass is known: state belt_mass too")
+        if self.belt_frequency is not None and self.mass_spread is not None:
+            raise ValueError(
+                "belt_frequency is that of a belt, and mass_spread of a mass between alike springs: state one"
+            )
+        if self.mass_spread is not None and self.belt_mass is None and self.specimen_mass is None:
+            raise ValueError("mass_spread says where a mass is: state specimen_mass or belt_mass too")
         return self
 
     def body(self, share: float) -> Body:
         """What is stated of its inertia, with the usual share of its springs."""
         if self.belt_mass is not None:
             frequency = self.belt_frequency or Stated(0.0, 0.0, assumed=False)
-            return Body(self.belt_mass.value, self.belt_mass.std, share, frequency.value, frequency.std)
-        return Body.weighed(self.specimen_mass.value, share) if self.specimen_mass is not None else Body(share=share)
+            return Body(
+                self.belt_mass.value, self.belt_mass.std, share, frequency.value, frequency.std, self.mass_spread
+            )
+        if self.specimen_mass is None:
+            return Body(share=share)
+        return Body.weighed(self.specimen_mass.value, share, self.mass_spread)
 
     @model_validator(mode="after")
     def _check_shape(self) -> SpecimenFile:

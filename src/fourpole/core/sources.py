@@ -75,7 +75,7 @@ class Kind(Enum):
     BELT_SHARE = ("share of springs of ", (), Role.SPECIMEN)
     BELT_ANGLE = ("angle of springs of ", (), Role.SPECIMEN)
     BELT_EXPONENT = ("exponent of springs of ", (), Role.SPECIMEN)
-    BELT_SPREAD = ("spread of mass of ", (), Role.SPECIMEN)
+    BELT_SPREAD = ("spread of the mass of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.

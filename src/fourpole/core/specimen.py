@@ -46,8 +46,8 @@ from fourpole.core.sources import Kind
 
 #: Modulus of the square of the angle of a rod below which it is linear in it; what this leaves out is its square.
 _SMALL = 1e-8
-#: Least mass of a rod over that of all its masses; fewer masses than this of one are those of a search that went astray.
-_FINEST, _COARSEST = 1e-3, 2.0
+#: Least mass of each part of a rod, over that of all.
+_FINEST = 1e-4
 #: Largest logarithm of a share, and least logarithm of the stiffness at the rim over K*: of a search that went astray.
 _LARGE, _SOFTER = 12.0, 0.05
 #: Logarithm of a share, of a search that went astray, below which it is nothing.
@@ -55,14 +55,14 @@ _FARTHEST = 500.0
 _PARTS = ("spring", "contact", "wheel")
 
 
-#: Standard uncertainty of the mass that moves between the ends, over the weight of a specimen; of a block it is that mass.
+#: Standard uncertainty of the mass that moves between the ends, over the weight; of a block it is that mass, too.
 _HALF = 0.5
 #: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
 TYRE, BLOCK = 0.2, 1.0
-#: Spread of the mass of a block of which nothing is known.
-MIDDLE = 0.5
 #: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
 _LEAST = 0.03
+#: Uncertainty of the log odds of a stated spread over those of which nothing is known; no mass is nearer to an end.
+_ABOUT, _EVEN = 0.25, 0.05
 #: Newton steps from the dynamic stiffness at an end to K* of the springs.
 _STEPS = 20
 
@@ -85,7 +85,8 @@ class Ends(ByValue):
     contact, wheel : (N,) complex arrays [kg]
         The masses at the contact and at the wheel.
     by : (N, 4, 3) complex array
-        Derivatives by log K*, mass, log share and exponent (of a rod: its spread), of log `spring`, `contact`, `wheel`.
+        Derivatives by log K*, mass, log share and exponent, of log `spring`, `contact` and `wheel`. A rod has the
+        logarithm of the odds of its spread in place of the exponent.
     """
 
     spring: ComplexArray
@@ -117,7 +118,7 @@ def ends_of(
     stiffness : (N,) complex array [N/m]
         K* of the springs.
     omega, mass, exponent : (N,) float arrays [rad/s], [kg], [1]
-        Of a rod the last is its spread.
+        Of a rod the last is the logarithm of the odds of its spread.
     log_share : (N,) complex array [1]
         Logarithm of the share where K* is `reference` (N,) [N/m].
     rod : (N,) bool array
@@ -177,8 +178,19 @@ def _share(
     return share, (exponent * slope, slope * (1 - rise * first), bend * slope)
 
 
-def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray, spread: FloatArray) -> Ends:
-    unit, each = omega**2 / stiffness, np.clip(1 - spread, _FINEST, _COARSEST)  # one mass over all
+def log_odds(spread: float) -> float:
+    """Logarithm of the odds of the spread of a rod, s/(1 - s), in which it has no end."""
+    each = float(np.clip(1 - spread, _FINEST, 1 - _FINEST))
+    return float(np.log(1 / each - 1))
+
+
+def spread_of(odds: ArrayLike) -> FloatArray:
+    """The spread of a rod by the logarithm of its odds."""
+    return np.asarray(1 / (1 + np.exp(-np.clip(odds, -_LARGE, _LARGE))))
+
+
+def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray, odds: FloatArray) -> Ends:
+    unit, each = omega**2 / stiffness, np.maximum(1 - spread_of(odds), _FINEST)  # one mass over all
     x = np.where(np.abs(mass * unit) < _SMALL, _SMALL, mass * unit)
     rest = mass * unit - x
     sine = 0.5 * each * np.sqrt(x / (1 + each))
@@ -196,14 +208,17 @@ def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray, spread: F
     turned = count * np.sin(angle) * half
     end = turned / x - 0.5 * each
     end_by_x = (turned * (by_x * cot + 0.5 * count * by_x * (half + 1 / half)) - turned / x) / x
-    end_by_each = turned * (-1 / (each * (1 + each)) + by_each * cot + 0.5 * whole_by_each * (half + 1 / half)) / x - 0.5
+    end_by_each = (
+        turned * (-1 / (each * (1 + each)) + by_each * cot + 0.5 * whole_by_each * (half + 1 / half)) / x - 0.5
+    )
     end, log_spring = end + rest * end_by_x, log_spring + rest * log_by_x
     by = np.zeros((stiffness.size, 4, 3), dtype=complex)
     square = mass * unit
-    by[:, 0, 0], by[:, 1, 0], by[:, 3, 0] = 1 - square * log_by_x, unit * log_by_x, -log_by_each
+    by[:, 0, 0], by[:, 1, 0], by[:, 3, 0] = 1 - square * log_by_x, unit * log_by_x, log_by_each
     by[:, 0, 1] = by[:, 0, 2] = -mass * square * end_by_x
     by[:, 1, 1] = by[:, 1, 2] = end + square * end_by_x
-    by[:, 3, 1] = by[:, 3, 2] = -mass * end_by_each
+    by[:, 3, 1] = by[:, 3, 2] = mass * end_by_each
+    by[:, 3] *= (-each * (1 - each))[:, None]
     at_end = np.asarray(mass * end, dtype=complex)
     return Ends(stiffness * np.exp(log_spring), at_end, at_end, by)
 
@@ -254,7 +269,7 @@ class Specimen:
             return massless(stiffness)
         ones = np.ones(stiffness.size)
         rod = self.form is Form.ROD
-        log_share, last = np.log(complex(self.share)) * ones, (self.spread if rod else self.exponent) * ones
+        log_share, last = np.log(complex(self.share)) * ones, (log_odds(self.spread) if rod else self.exponent) * ones
         alike = np.full(stiffness.size, rod)
         return ends_of(stiffness, omega, self.mass * ones, log_share, last, self.reference * ones, alike)
 
@@ -287,7 +302,7 @@ class Specimen:
         """
         stiffness = np.atleast_1d(np.asarray(stiffness, complex))
         if self.form is Form.ROD:
-            each = min(max(1 - self.spread, _FINEST), _COARSEST)
+            each = max(1 - self.spread, _FINEST)
             root = np.sqrt(stiffness.real / self.mass * (1 + each)) / (np.pi * each)
             turns = [np.sin(0.5 * np.pi * each / (more + each)) for more in (2, 1)]
             return np.stack([root * turn for turn in turns], axis=1)
@@ -311,6 +326,8 @@ class Body:
     frequency, frequency_std : float [Hz]
         First frequency of the mass with the rim held and the contact free, and its standard uncertainty; 0 and 0 where
         it is not stated.
+    spread : float, optional [1]
+        How far the mass is spread from end to end, as of `Specimen`; None where it is not stated.
     """
 
     mass: float = 0.0
@@ -318,16 +335,26 @@ class Body:
     share: float = TYRE
     frequency: float = 0.0
     frequency_std: float = 0.0
+    spread: float | None = None
 
     @classmethod
-    def weighed(cls, weight: float, share: float = TYRE) -> Body:
+    def weighed(cls, weight: float, share: float = TYRE, spread: float | None = None) -> Body:
         """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
-        return cls(_HALF * weight if share == BLOCK else 0.0, _HALF * weight, share)
+        block = share == BLOCK or spread is not None
+        return cls(_HALF * weight if block else 0.0, _HALF * weight, share, spread=spread)
 
     @property
     def is_block(self) -> bool:
-        """Whether it may be a rod: nothing is known of a mode, nor that one of its springs is softer."""
-        return self.share == BLOCK and not self.frequency
+        """Whether it may be a rod: its spread is stated, or neither a mode nor that one of its springs is softer."""
+        return self.spread is not None or (self.share == BLOCK and not self.frequency)
+
+    @property
+    def odds(self) -> tuple[float, float]:
+        """Logarithm of the odds of its spread, and its standard uncertainty."""
+        std = component(Kind.BELT_SPREAD).std
+        if self.spread is None:
+            return 0.0, std
+        return log_odds(float(np.clip(self.spread, _EVEN, 1 - _EVEN))), _ABOUT * std
 
     def springs(self, stiffness: float) -> tuple[float, float]:
         """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""
@@ -347,7 +374,8 @@ class Inertia(ByRows):
     ----------
     mass, mass_std : (N,) float arrays [kg]
     shape, shape_std : (N,) float arrays [1]
-        Logarithm of the share of the springs, of a block the spread of its mass, and its standard uncertainty.
+        Logarithm of the share of the springs, of a block that of the odds of the spread of its mass, and its standard
+        uncertainty.
     block : (N,) bool array
     """
 
@@ -360,8 +388,9 @@ class Inertia(ByRows):
     @classmethod
     def of(cls, bodies: Sequence[Body], stiffness: FloatArray) -> Inertia:
         """That of N specimens as stated, whose K' is about `stiffness` (N,) [N/m]."""
-        spread = (MIDDLE, component(Kind.BELT_SPREAD).std)
-        shapes = [spread if body.is_block else body.springs(one) for body, one in zip(bodies, stiffness, strict=True)]
+        shapes = [
+            body.odds if body.is_block else body.springs(one) for body, one in zip(bodies, stiffness, strict=True)
+        ]
         shape, std = np.array(shapes).reshape(-1, 2).T
         mass, mass_std = np.array([(body.mass, body.mass_std) for body in bodies]).reshape(-1, 2).T
         block = np.array([body.is_block for body in bodies], dtype=bool)
@@ -391,7 +420,9 @@ class Inertia(ByRows):
         share, spread = np.where(self.block, 0.0, self.shape) + 0j, np.where(self.block, self.shape, 0.0)
         for step in range(_STEPS + 1):
             ends = ends_of(stiffness, omega, self.mass, share, spread, stiffness, self.block)
-            by = np.concatenate([ends.by[:, :2], np.where(self.block[:, None], ends.by[:, 3], ends.by[:, 2])[:, None]], 1)
+            by = np.concatenate(
+                [ends.by[:, :2], np.where(self.block[:, None], ends.by[:, 3], ends.by[:, 2])[:, None]], 1
+            )
             slopes = ends.spring[:, None] * by[:, :, 0]
             value = ends.spring
             if not at_ground:

@@ -17,7 +17,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import parts
 from fourpole.core.components import component
 from fourpole.core.sources import Kind
-from fourpole.core.specimen import MIDDLE, TYRE, Form, Specimen
+from fourpole.core.specimen import TYRE, Form, Specimen, spread_of
 
 #: Chance below which a difference counts as real: of k12 and k21, of the poles and a form, of a form and a simpler one.
 UNLIKELY = 1e-3
@@ -95,7 +95,7 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
     spring, mass, log_k = _first(measured)
     log_k = log_k if count else np.log(spring)
     reference = complex(np.exp(np.mean(log_k)))
-    first = np.array([mass, MIDDLE] if form is Form.ROD else [mass, np.log(share), 0.0, _EXPONENT])
+    first = np.array([mass, 0.0] if form is Form.ROD else [mass, np.log(share), 0.0, _EXPONENT])
     stds = [component(Kind.BELT_SPREAD).std] if form is Form.ROD else _STDS[: max(count - 1, 0)]
     whiten = np.linalg.inv(np.linalg.cholesky(measured.noise))
 
@@ -104,7 +104,7 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
         own, of_errors, log_k = np.split(values, [count, count + errors])
         stiffness = np.exp(np.clip(log_k[::2], 0, 50) + 1j * log_k[1::2])
         if form is Form.ROD:
-            return Specimen(form, float(own[0]), spread=float(own[1])), of_errors, stiffness
+            return Specimen(form, float(own[0]), spread=float(spread_of(own[1]))), of_errors, stiffness
         mass, log_share, angle, exponent = np.append(own, np.zeros(4 - count))
         share = np.exp(np.clip(log_share, -12, 12) + 1j * angle)
         return Specimen(form, float(mass), complex(share), float(exponent), reference), of_errors, stiffness

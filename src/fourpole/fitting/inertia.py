@@ -34,13 +34,15 @@ class InertiaFile(Strict):
         gt=0, le=1e6, description="Stiffness of the spring at the contact over that at the rim [1]; null: of a rod."
     )
     spread: float | None = Field(
-        default=None, ge=-10, le=10, description="Of a rod: 0 for a mass in its middle, 1 if it is spread evenly [1]."
+        default=None, ge=0, le=1, description="Of a rod: 0 for a mass in its middle, 1 if it is spread evenly [1]."
     )
 
     @property
     def specimen(self) -> Specimen:
         """The specimen with this inertia."""
-        return Specimen(Form(self.form), self.mass, self.share or 1.0, spread=1.0 if self.spread is None else self.spread)
+        return Specimen(
+            Form(self.form), self.mass, self.share or 1.0, spread=1.0 if self.spread is None else self.spread
+        )
 
 
 @dataclass(frozen=True)
