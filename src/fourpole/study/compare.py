@@ -104,13 +104,12 @@ def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
     # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
-    # The same holds if K' is far above K1 at a few lines: K' rises by the loss at lower frequencies, too.
+    # The same holds if K' is far above K1 in a few: K' rises by the loss at lower frequencies, too.
     of_k1 = Counter(k1[row] for row, _ in rows)
     doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict is Verdict.WARNING)
     for row, check in rows:
-        own_faults = (Code.K1_LARGE,) if points.tests[row].band is None else (Code.K1_LARGE, Code.K1_RATIO)
         few = 2 * doubted[k1[row], check.code] <= of_k1[k1[row]]
-        if check.verdict is not Verdict.WARNING or not few or check.code not in own_faults:
+        if check.verdict is not Verdict.WARNING or not few or check.code is Code.V1_SCALE:
             yield row, check
 
 

@@ -309,8 +309,8 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
 def _stds(specimen: Specimen, stiffness: complex, covariance: FloatArray) -> FloatArray:
     """Standard uncertainties (3,) of both frequencies [Hz] and of the share, by numerical derivatives.
 
-    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent or spread, and of
-    Re and Im of log K*.
+    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent (for a rod that
+    of the odds of its spread), and of Re and Im of log K*.
     """
 
     def values(change: FloatArray) -> FloatArray:
