@@ -282,7 +282,7 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
             if points.condition[row] < 0:
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
-                of_row = (_passivity(group, place), _arm_check(group, place, stiffness))
+                of_row = (_passivity(group, place), _certainty(group, place), _arm_check(group, place, stiffness))
                 last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
@@ -339,6 +339,15 @@ def _passivity(group: RigGroup, place: int) -> Check:
         Code.PASSIVE, Verdict.REJECTED, times, _NEGATIVE, because=NoArm.NO_LOSS, storage=value.real,
         loss_modulus=value.imag,
     )  # fmt: skip
+
+
+def _certainty(group: RigGroup, place: int) -> Check | None:
+    """Check whether K* is certain enough for propagation; None where it is not found."""
+    size = abs(complex(group.result.stiffness[place]))
+    variance = float(np.trace(group.result.stiffness_covariance[place])) / 2
+    if not (np.isfinite(size) and np.isfinite(variance) and size > 0):
+        return None
+    return judged(Code.CERTAINTY, np.sqrt(variance) / size, NOT_LINEAR, np.inf)
 
 
 def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check | None:
