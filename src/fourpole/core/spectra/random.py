@@ -9,7 +9,7 @@ import numpy as np
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.averaged import segment_amplitudes
 from fourpole.core.spectra.excited import Excited, prepared, pulls_of
-from fourpole.core.spectra.motion import CYCLES, Motion, fine_spectrum, motion_of, period_of, segment_of
+from fourpole.core.spectra.motion import CYCLES, MANY, Motion, fine_spectrum, motion_of, period_of, segment_of
 from fourpole.core.spectra.sweep import fits_whole, repeated_amplitudes, whole_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 
@@ -17,9 +17,11 @@ from fourpole.errors import RecordingError, TooShortError
 _FEW = 32
 #: Fewest cycles of the lowest frequency in a recording.
 SHORTEST = 0.5 * CYCLES * (_FEW + 1.0)
-#: Segments are doubled while the mean square of the closure phase over its variance is above the first number, and
+#: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
-_LEAKS, _BETTER, _DOUBLED = 1.5, 0.8, 2.0 ** np.arange(5)
+_LEAKS, _BETTER = 1.5, 0.8
+#: Numbers of segments that are tried, and the least change of their length.
+_COUNTS, _LONGER = (MANY, MANY // 2, _FEW, _FEW // 2), 1.5
 
 
 def random_amplitudes(recording: Recording, band: tuple[float, float], segment: float | None = None) -> Excited:
@@ -72,8 +74,9 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     if period is not None and fits_whole(track, inside):
         return replace(whole_amplitudes(recording, track, inside), period=period)
     best: Excited | None = None
-    lengths = np.minimum(segment * _DOUBLED, segment_of(length, inside[0], _FEW // 2))
-    for segment in np.unique(lengths).tolist():
+    for segment in (segment_of(length, inside[0], count) for count in _COUNTS):
+        if best is not None and segment < _LONGER * best.length:
+            continue
         if best is not None and motion_of(track, segment, inside, fine).has_gaps:
             break
         finer = segment_amplitudes(recording, track, inside, segment, fine)
