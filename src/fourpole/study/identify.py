@@ -213,6 +213,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
         "support": defaults.SUPPORT_STD if stated.ordinary.counted else 0.0,
+        "friction": defaults.FRICTION_STD if stated.ordinary.counted else 0.0,
         "frame_std": defaults.FRAME_STD if stated.ordinary.counted else 0.0,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
@@ -371,7 +372,7 @@ def _with_specimen(
 
 
 #: What is known of all tests of a rig together.
-_OF_ALL = ("rig", "channels", "specimens", "bodies", "support")
+_OF_ALL = ("rig", "channels", "specimens", "bodies", "support", "friction")
 
 
 def _mass_gain(
