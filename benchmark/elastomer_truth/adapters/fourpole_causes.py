@@ -70,6 +70,8 @@ def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str
         if channels and len({check["test"] for check in bad if check["code"] == code}) >= 0.3 * len(tests):
             channel = "V2" if code == "linearity of the rig" else max(set(channels), key=channels.count)
             found.append((cause, channel or "F1"))
+    if any(check["code"] == "passivity of other tests" for check in bad):
+        found += [("delay", "F1"), ("delay", "V1")]
     for check in bad:
         if check["code"] in _ONE_TEST and sum(c["code"] == check["code"] for c in bad) <= 3:
             found.append(("one test", check["test"]))

@@ -102,6 +102,7 @@ class Code(Enum):
     K1_BRANCH = "K1 of one branch"
     NO_K1 = "no K1"
     PASSIVE = "passivity"
+    OTHERS_GIVE = "passivity of other tests"
     PASSIVE_ARM = "passive arm"
     UNCERTAINTY = "uncertainty"
     CERTAINTY = "uncertainty of K*"

@@ -44,6 +44,8 @@ _OVERLAP = 0.5
 _MOST_SCATTER = 0.02
 #: Standard uncertainties below zero from which K'' is negative.
 _NEGATIVE = 1.96
+#: Standard uncertainties below zero, and the share of such tests, from which K'' of all tests of a rig is in doubt.
+_GIVES, _FEW_GIVE = 4.0, 0.05
 #: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
 _NEVER_PASSIVE = 0.975
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
@@ -277,8 +279,11 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
         for row in np.flatnonzero(unused).tolist()
     ]
     for group in groups:
+        giving = _giving(group)
         for place, row in enumerate(group.rows.tolist()):
             stiffness = points.stiffness[row]
+            if giving and points.condition[row] >= 0:
+                last.append((row, reported(Code.OTHERS_GIVE, Verdict.WARNING, giving, _FEW_GIVE)))
             if points.condition[row] < 0:
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
@@ -339,6 +344,17 @@ def _passivity(group: RigGroup, place: int) -> Check:
         Code.PASSIVE, Verdict.REJECTED, times, _NEGATIVE, because=NoArm.NO_LOSS, storage=value.real,
         loss_modulus=value.imag,
     )  # fmt: skip
+
+
+def _giving(group: RigGroup) -> float:
+    """Share of the tests that give energy; 0 for a few, and where all tests are identified together."""
+    if group.joint is not None:
+        return 0.0
+    known = np.isfinite(group.result.stiffness)
+    std = np.sqrt(group.result.stiffness_covariance[known, 1, 1])
+    gives = group.result.stiffness.imag[known] < -_GIVES * std
+    share = float(gives.mean()) if known.any() else 0.0
+    return share if share > _FEW_GIVE and np.count_nonzero(gives) > 1 else 0.0
 
 
 def _certainty(group: RigGroup, place: int) -> Check | None:
