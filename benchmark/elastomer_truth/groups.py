@@ -15,15 +15,19 @@ import numpy as np
 
 from elastomer_truth.faults import FAULTS, apply_fault
 from elastomer_truth.laboratory import Laboratory, Test, Value
-from elastomer_truth.mechanics import Array
+from elastomer_truth.mechanics import Array, ComplexArray
 from elastomer_truth.recording import amplitudes
 
+#: The ratios of each test, and the noise of all.
+_Base = tuple[list[ComplexArray], Array]
 #: Largest chi-square of a mark that is not seen, or of the difference of two that are alike.
 UNSEEN = 9.0
 #: Standard uncertainties of errors of a channel that nobody states.
 _USUAL = {"gain": 0.01, "phase": 0.009, "delay": 2e-5, "low_cut": 0.05, "slope": 1e-3}
 #: Relative step of derivatives.
 _STEP = 1e-4
+#: Part of a fault that gives its derivative.
+_PART = 1e-3
 
 
 def groups(lab: Laboratory) -> dict[str, tuple[str, ...]]:
@@ -39,7 +43,8 @@ def groups(lab: Laboratory) -> dict[str, tuple[str, ...]]:
     plain = deepcopy(lab)
     _without_faults(plain, lab)
     tests = _dynamic(plain)
-    base = _phasors(plain, tests)
+    noise = _noise(plain, tests)
+    base = _ratios(plain, tests), noise
     projector = _unknowns(plain, tests, base)
     marks = {}
     for name, (_, _, sizes, _, where, same) in FAULTS.items():
@@ -88,20 +93,31 @@ def _lines(test: Test) -> Array:
     return np.array([test.frequency]) if test.kind == "sine" else np.geomspace(*(test.band or (1.0, 2.0)), 12)
 
 
-def _phasors(lab: Laboratory, tests: list[Test]) -> Array:
-    """Logarithms of F1/V1 and V2/V1 of all lines, real and imaginary parts, over their noise (N,)."""
+def _ratios(lab: Laboratory, tests: list[Test]) -> list[ComplexArray]:
+    """F1/V1 and V2/V1 of all lines (L, 2), of each test."""
+    each = [amplitudes(lab, test, _lines(test)) for test in tests]
+    return [found[:, _used(lab)] / found[:, 1:2] for found in each]
+
+
+def _change(lab: Laboratory, tests: list[Test], base: _Base) -> Array:
+    """Change of the logarithms of the ratios, real and imaginary parts (N,), over their noise."""
+    logs = [np.log(ratio / before) for ratio, before in zip(_ratios(lab, tests), base[0], strict=True)]
+    return np.concatenate([np.stack([log.real, log.imag]).ravel() for log in logs]) / base[1]
+
+
+def _noise(lab: Laboratory, tests: list[Test]) -> Array:
+    """Standard deviations (N,) of the logarithms by the noise of the sensors."""
     parts = []
     for test in tests:
-        found = amplitudes(lab, test, _lines(test))
-        used = [0] if lab.blocked else [0, 2]
-        ratio = found[:, used] / found[:, 1:2]
-        size = np.abs(found) * test.amplitude
-        noise = np.stack([_std(lab, test, role) for role in ("F1", "V1", "V2")])
-        share = noise[None, :] / np.maximum(size, 1e-300)
-        std = np.sqrt(share[:, used] ** 2 + share[:, 1:2] ** 2 + 1e-8)
-        log = np.log(ratio) / std
-        parts.append(np.stack([log.real, log.imag]).ravel())
+        size = np.abs(amplitudes(lab, test, _lines(test))) * test.amplitude
+        share = np.stack([_std(lab, test, role) for role in ("F1", "V1", "V2")])[None, :] / np.maximum(size, 1e-300)
+        std = np.sqrt(share[:, _used(lab)] ** 2 + share[:, 1:2] ** 2 + 1e-8)
+        parts.append(np.stack([std, std]).ravel())
     return np.concatenate(parts)
+
+
+def _used(lab: Laboratory) -> list[int]:
+    return [0] if lab.blocked else [0, 2]
 
 
 def _std(lab: Laboratory, test: Test, role: str) -> float:
@@ -114,14 +130,19 @@ def _std(lab: Laboratory, test: Test, role: str) -> float:
     return float(noise * np.sqrt(2 / (test.duration * lab.rate)) * (1.0 if test.kind == "sine" else 6.0))
 
 
-def _moved(lab: Laboratory, tests: list[Test], base: Array, name: str, size: float) -> Array:
+def _moved(lab: Laboratory, tests: list[Test], base: _Base, name: str, size: float) -> Array:
+    """Change of the phasors by a fault; of a soft fixture by its derivative.
+
+    A fixture of some size is one with a specimen, and what K* cannot explain of it is its square alone.
+    """
+    part = _PART if name == "soft fixture" else 1.0
     faulty = deepcopy(lab)
-    apply_fault(faulty, name, size, np.random.default_rng(0))
+    apply_fault(faulty, name, part * size, np.random.default_rng(0))
     keep = {test.name for test in tests}
-    return _phasors(faulty, [test for test in faulty.tests if test.name in keep]) - base
+    return _change(faulty, [test for test in faulty.tests if test.name in keep], base) / part
 
 
-def _unknowns(lab: Laboratory, tests: list[Test], base: Array) -> tuple[Array, Array]:
+def _unknowns(lab: Laboratory, tests: list[Test], base: _Base) -> tuple[Array, Array]:
     """Columns (N, p) by which the unknowns move the phasors, and the weights (p,) of what is known of them before."""
     columns, weights = [], []
     # K* of a condition moves the lines of its tests, and those of no other one.
@@ -132,13 +153,13 @@ def _unknowns(lab: Laboratory, tests: list[Test], base: Array) -> tuple[Array, A
         other = deepcopy(lab)
         for test in other.tests:
             test.factors = factors
-        moved = (_phasors(other, _dynamic(other)) - base) / _STEP
+        moved = _change(other, _dynamic(other), base) / _STEP
         columns += [np.where(number == at, moved, 0.0) for at in range(len(conditions))]
         weights += [0.0] * len(conditions)
     for find, std in _errors(lab):
         other = deepcopy(lab)
         find(other).true += 0.01 * std
-        columns.append((_phasors(other, _dynamic(other)) - base) / 0.01)
+        columns.append(_change(other, _dynamic(other), base) / 0.01)
         weights.append(1.0)
     return np.stack(columns, axis=1), np.array(weights)
 
@@ -146,8 +167,10 @@ def _unknowns(lab: Laboratory, tests: list[Test], base: Array) -> tuple[Array, A
 def _errors(lab: Laboratory) -> Iterator[tuple[Callable[[Laboratory], Value], float]]:
     """Each value of which something is known before: where it is in a laboratory, and its standard uncertainty."""
     for name, value in lab.values.items():
-        if value.stated is not None and value.u:
-            yield (lambda other, name=name: other.values[name]), value.u
+        # Of a part that nobody stated, not even the size is known.
+        std = value.u if value.stated is not None else abs(value.true)
+        if std:
+            yield (lambda other, name=name: other.values[name]), std
     if lab.added_mass.stated:
         yield (lambda other: other.added_mass), lab.added_mass.u
     for role in ("F1", "V1", "V2"):
