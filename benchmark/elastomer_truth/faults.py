@@ -194,6 +194,29 @@ FAULTS: dict[str, tuple[str, str, tuple[float, ...], Apply, Callable[[Laboratory
 }
 
 
+#: Units of sizes; others are shares, or factors of what they change.
+_UNITS = {
+    "preload damping": "N s/m", "input mass": "kg", "guide friction": "N", "low-cut of V1": "Hz", "heating": "K",
+    "one test: mass left on": "kg", "frame in the deflection": "m/N", "soft frame": "times the spring",
+    **dict.fromkeys(("F1 late", "V1 late", "V2 late", "trigger of V2 jitters"), "s"),
+}  # fmt: skip
+#: Faults whose size says nothing.
+_WHOLE = ("F1 in kgf", "V2 with the other sign", "one test: file of another", "two files exchanged")
+
+
+def sized(name: str, size: float) -> str:
+    """The size of a fault in words; blank for one that has none.
+
+    Examples
+    --------
+    >>> sized("gain of F1", -0.08), sized("V1 late", 5e-4)
+    ('-8 %', '0.0005 s')
+    """
+    if name in _WHOLE:
+        return ""
+    return f"{size:g} {_UNITS[name]}" if name in _UNITS else f"{100 * size:+g} %"
+
+
 def add_faults(rng: np.random.Generator, lab: Laboratory) -> None:
     """One fault, or in each third laboratory two."""
     able = [name for name, (*_, where, _linear) in FAULTS.items() if where(lab)]

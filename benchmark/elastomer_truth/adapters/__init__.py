@@ -21,6 +21,7 @@ METHODS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "pyFRF": ("with_pyfrf", (), "pyFRF"),
     "ISO 10846-3": ("iso10846", (), ""),
     "lmfit": ("with_lmfit", (), "lmfit"),
+    "emcee": ("with_emcee", (), "emcee"),
     **{
         f"fourpole {route}": ("with_fourpole", (route,), "fourpole")
         for route in ("joint", "mobility", "relative", "transmissibility")
