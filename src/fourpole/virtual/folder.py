@@ -18,13 +18,12 @@ from fourpole.models.interface import StateSpace
 from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
-from fourpole.virtual.inertia import Laden
-from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
+from fourpole.virtual.phasor_rig import CHANNELS
 from fourpole.virtual.plan import SERIES, Planned, with_inertia
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.truth import FURTHER, Statement, Truth
+from fourpole.virtual.truth import Statement, Truth
 
-#: Length of the noise-free record from which the first harmonics of a tyre that is not linear are taken [s].
+#: Length of the noise-free record from which the first harmonics are taken where there is friction [s].
 _DESCRIBED = 1.0
 
 _OF_A_TEST = (q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.FREQUENCY, q.K1, q.K2, q.C, q.STORAGE, q.LOSS, q.TR)
@@ -257,17 +256,9 @@ def _transmissibility(tyre: Element, bench: Bench, cam: Cam) -> float:
     """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
         return abs(far_end(tyre, bench.damped_at(cam.frequency), cam.frequency))
-    if isinstance(tyre, Laden):
-        motion = run(cam, tyre, bench, duration=_DESCRIBED)
-        turn = np.exp(2j * np.pi * cam.frequency * motion.time)
-        columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
-        found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), np.stack([motion.x1, motion.x2], axis=1), rcond=None)
-        x1, x2 = found[0] + 1j * found[1]
-        return float(abs(x2 / x1))
-    names = (*FURTHER, "preload_stiffness", "preload_damping")
-    laboratory = Laboratory(
-        moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}
-    )
-    stiffness = complex(*_two_parts(tyre, cam.frequency))
-    tests = Conditions(cam.frequency, stiffness=stiffness, eccentricity=cam.eccentricity)
-    return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])
+    motion = run(cam, tyre, bench, duration=_DESCRIBED)
+    turn = np.exp(2j * np.pi * cam.frequency * motion.time)
+    columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
+    found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), np.stack([motion.x1, motion.x2], axis=1), rcond=None)
+    x1, x2 = found[0] + 1j * found[1]
+    return float(abs(x2 / x1))
