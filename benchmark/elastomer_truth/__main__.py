@@ -111,10 +111,11 @@ def _gather(folder: Path) -> None:
             (part.stem, *(_text(row.get(head)) for head in (*KEY[1:], *NUMBERS, "verdict"))) for row in found["values"]
         ]
         causes += [
-            (part.stem, *(row[head] for head in ("rank", "cause", "channel or part"))) for row in found["causes"]
+            (part.stem, *(row.get(head, "") for head in ("rank", "cause", "channel or part", "said")))
+            for row in found["causes"]
         ]
     write_rows(folder / "values.csv", (*KEY, *NUMBERS, "verdict"), values)
-    write_rows(folder / "causes.csv", ("campaign", "rank", "cause", "channel or part"), causes)
+    write_rows(folder / "causes.csv", ("campaign", "rank", "cause", "channel or part", "said"), causes)
 
 
 def _text(value: object) -> object:

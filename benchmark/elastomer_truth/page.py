@@ -104,11 +104,12 @@ def faults(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
         title = f"{row['fault']}{', ' if size else ''}{size}{hidden}"
         worst = "" if row["worst"] is None else f"{row['worst']:.1f}"
         place = f"{row['rig']}; {row['specimen']}; {row['recordings']}"
-        cells = [title, ", ".join(others), row["campaign"], place, row["named"] or "nothing", row["judgement"],
+        said = row["said"].replace("|", "\\|").replace("*", "\\*") or "nothing"
+        cells = [title, ", ".join(others), row["campaign"], place, said, row["named"], row["judgement"],
                  f"{row['ok']} of {row['values']}", str(row["confident"]), worst]  # fmt: skip
         rows.append((order.index(row["fault"]), cells))
-    heads = ["fault", "together with", "campaign", "laboratory", "named, best first", "judgement", "ok",
-             "of these wrong", "worst, in u"]  # fmt: skip
+    heads = ["fault", "together with", "campaign", "laboratory", "what is said first", "named, best first", "judgement",
+             "ok", "of these wrong", "worst, in u"]  # fmt: skip
     faulty = campaigns.filter(pl.col("tier") == "faulty")
     named = [str((faulty["judgement"] == word).sum()) for word in ("right", "fair", "wrong", "none")]
     counted = "The cause is right in {}, fair in {}, wrong in {}, and none is named in {} of {} campaigns.\n"

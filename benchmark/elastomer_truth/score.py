@@ -2,7 +2,8 @@
 
 A method hands in two tables. ``values.csv`` has the columns campaign, test, frequency [Hz], quantity, value, lower,
 upper, u, verdict; lower and upper are the ends of a 95 % interval, and verdict is ok, warning or rejected.
-``causes.csv`` has campaign, rank, cause, channel or part.
+``causes.csv`` has campaign, rank, cause, channel or part; a row of rank 0 may have in
+``said`` what the method says in words.
 """
 
 from __future__ import annotations
@@ -84,7 +85,9 @@ def read_answers(folder: Path) -> tuple[pl.DataFrame, pl.DataFrame]:
         table = pl.read_csv(path, infer_schema=False)
         if missing := [head for head in heads if head not in table.columns]:
             raise ValueError(f"{path}: the columns {', '.join(missing)} are missing")
-        tables.append(table.select(heads))
+        words = ["said"] if name == "causes.csv" else []
+        table = table.with_columns(pl.lit("").alias(head) for head in words if head not in table.columns)
+        tables.append(table.select(*heads, *words))
     number = pl.col("frequency [Hz]", *NUMBERS).cast(pl.Float64, strict=False)
     return tables[0].with_columns(number), tables[1].with_columns(pl.col("rank").cast(pl.Int64))
 
@@ -211,8 +214,9 @@ def _judged(faults: pl.DataFrame, named: pl.DataFrame, rows: pl.DataFrame) -> pl
             judgement = "right"
         else:
             judgement = "fair" if set(said) & ({*true} | alike) else "wrong"
-        judged.append((tier_of(campaign), campaign, ", ".join(true), ", ".join(said), judgement))
-    heads = ["tier", "campaign", "true", "named", "judgement"]
+        words = "; ".join(named.filter(pl.col("campaign") == campaign, pl.col("rank") == 0)["said"].drop_nulls())
+        judged.append((tier_of(campaign), campaign, ", ".join(true), ", ".join(said), judgement, words))
+    heads = ["tier", "campaign", "true", "named", "judgement", "said"]
     return pl.DataFrame(judged, schema=heads, orient="row", infer_schema_length=None)
 
 
