@@ -194,11 +194,12 @@ FAULTS: dict[str, tuple[str, str, tuple[float, ...], Apply, Callable[[Laboratory
 }
 
 
-#: Units of sizes; others are shares, or factors of what they change.
+#: Unit of a size, and units per SI unit; other sizes are shares.
 _UNITS = {
-    "preload damping": "N s/m", "input mass": "kg", "guide friction": "N", "low-cut of V1": "Hz", "heating": "K",
-    "one test: mass left on": "kg", "frame in the deflection": "m/N", "soft frame": "times the spring",
-    **dict.fromkeys(("F1 late", "V1 late", "V2 late", "trigger of V2 jitters"), "s"),
+    "preload damping": ("N s/m", 1.0), "input mass": ("kg", 1.0), "guide friction": ("N", 1.0),
+    "low-cut of V1": ("Hz", 1.0), "heating": ("K", 1.0), "one test: mass left on": ("kg", 1.0),
+    "frame in the deflection": ("mm/kN", 1e6), "soft frame": ("times the spring", 1.0),
+    **dict.fromkeys(("F1 late", "V1 late", "V2 late", "trigger of V2 jitters"), ("ms", 1e3)),
 }  # fmt: skip
 #: Faults whose size says nothing.
 _WHOLE = ("F1 in kgf", "V2 with the other sign", "one test: file of another", "two files exchanged")
@@ -210,11 +211,12 @@ def sized(name: str, size: float) -> str:
     Examples
     --------
     >>> sized("gain of F1", -0.08), sized("V1 late", 5e-4)
-    ('-8 %', '0.0005 s')
+    ('-8 %', '0.5 ms')
     """
     if name in _WHOLE:
         return ""
-    return f"{size:g} {_UNITS[name]}" if name in _UNITS else f"{100 * size:+g} %"
+    unit, factor = _UNITS.get(name, ("", 1.0))
+    return f"{factor * size:g} {unit}" if unit else f"{100 * size:+g} %"
 
 
 def add_faults(rng: np.random.Generator, lab: Laboratory) -> None:

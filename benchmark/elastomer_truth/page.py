@@ -23,6 +23,8 @@ _SHOWN: tuple[tuple[str, str, str], ...] = (
     ("flagged", "flagged", ".1%"),
 )
 _HEADS = [head for head, _, _ in _SHOWN]
+#: Those of them that say whether uncertainties hold errors.
+_HELD = ["answered", "coverage", "from", "to", "rms z", "wrong with confidence", "campaigns with one", "flagged"]
 #: The method whose coverage and faults have pages of their own.
 OWN = "fourpole joint"
 #: Goals: least coverage, range of rms z, largest shares of wrong values and of campaigns, least share of causes named.
@@ -64,23 +66,24 @@ def benchmark(scores: dict[str, Score], _: pl.DataFrame) -> str:
 def validation(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
     """Coverage, rms z and confident wrong values of Fourpole: against the goals, by route, quantity, rig, specimen."""
     own = scores[OWN]
+    whole, by_quantity = (own.table.filter((pl.col("quantity") == "all") == one) for one in (True, False))
+    goals = [[row["tier"], _count(row), *_held(row), _missed(row) or "all"] for row in whole.iter_rows(named=True)]
+    routes = [
+        [name, row["tier"], _count(row), *_held(row)]
+        for name, found in scores.items() if name.startswith("fourpole")
+        for row in found.table.filter(quantity="all").iter_rows(named=True)
+    ]  # fmt: skip
+    parts = ["### Against the goals", _table(["tier", "campaigns", *_HELD, "goals reached"], goals)]
+    parts += ["### By route", _table(["method", "tier", "campaigns", *_HELD], routes)]
+    found = [[row["tier"], row["quantity"], *_held(row)] for row in by_quantity.iter_rows(named=True)]
+    parts += ["### Joint route, by quantity", _table(["tier", "quantity", *_HELD], found)]
     rows = own.rows.join(laboratories, on="campaign")
-    whole = own.table.filter(pl.col("quantity") == "all")
-    goals = [[row["tier"], _count(row), *_numbers(row), _missed(row) or "all"] for row in whole.iter_rows(named=True)]
-    by_quantity = [
-        [row["tier"], row["quantity"], *_numbers(row)]
-        for row in own.table.filter(pl.col("quantity") != "all").iter_rows(named=True)
-    ]
-    routes = {name: found for name, found in scores.items() if name.startswith("fourpole")}
-    parts = ["### Against the goals", _table(["tier", "campaigns", *_HEADS, "goals reached"], goals)]
-    parts += ["### By route", page(routes)]
-    parts += ["### Joint route, by quantity", _table(["tier", "quantity", *_HEADS], by_quantity)]
+    order = list(dict.fromkeys(rows["tier"]))
     for head in ("rig", "specimen"):
-        groups = rows.group_by("tier", head, maintain_order=True)
-        found = [[*map(str, key), str((one := summary(part))["campaigns"]), *_numbers(one)] for key, part in groups]
-        order = list(dict.fromkeys(rows["tier"]))
-        found.sort(key=lambda row: (order.index(row[0]), row[1]))
-        parts += [f"### Joint route, by {head}", _table(["tier", head, "campaigns", *_HEADS], found)]
+        groups = [(*key, summary(part)) for key, part in rows.group_by("tier", head)]
+        groups.sort(key=lambda group: (order.index(group[0]), group[1]))
+        found = [[tier, name, str(row["campaigns"]), *_held(row)] for tier, name, row in groups]
+        parts += [f"### Joint route, by {head}", _table(["tier", head, "campaigns", *_HELD], found)]
     return "\n".join(parts)
 
 
@@ -148,6 +151,10 @@ def _count(row: dict[str, object]) -> str:
 
 def _numbers(row: dict[str, object]) -> list[str]:
     return ["" if row[key] is None else format(row[key], style) for _, key, style in _SHOWN]
+
+
+def _held(row: dict[str, object]) -> list[str]:
+    return [text for head, text in zip(_HEADS, _numbers(row), strict=True) if head in _HELD]
 
 
 def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

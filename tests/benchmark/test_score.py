@@ -157,7 +157,7 @@ def test_a_page_without_tables_is_refused(pages):
 
 def test_sizes_of_faults_have_their_unit():
     assert sized("gain of F1", -0.08) == "-8 %"
-    assert sized("V1 late", 5e-4) == "0.0005 s"
+    assert sized("V1 late", 5e-4) == "0.5 ms"
     assert sized("F1 in kgf", -0.9) == ""
 
 
