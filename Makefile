@@ -151,7 +151,8 @@ lowest-install:  ## install the lowest versions allowed
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi
 
-bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ finds them
+bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ and each method of the benchmark finds them
+	@$(BENCHMARK) .venv-bench/bin/python -c "from elastomer_truth.adapters import METHODS, method; [method(name) for name in METHODS]"
 	@cd bench && ../.venv-bench/bin/python -c "import glob, importlib; [importlib.import_module(name[:-3]) for name in glob.glob('*.py')]"
 
 # Each script writes what it found into bench/kept, and fails where a promise is not kept; the others run all the same.
