@@ -88,10 +88,11 @@ class Specimen:
             Link(a, b, n * k, arms=tuple((n * g, time) for g, time in arms))
             for a, b, n in zip(nodes[:-1], nodes[1:], weights, strict=True)
         ]
-        inner = self.mass.true / count if self.kind == "mount" else self.mass.true / (count - 1)
-        masses = dict.fromkeys(nodes[1:-1], inner)
+        masses = dict.fromkeys(nodes[1:-1], self.mass.true / (count - 1))
         if self.kind == "mount":
-            masses |= {"contact": inner / 2, far: inner / 2}
+            # Masses with the inertia of one that is spread evenly, between the ends and at each, to first order in w^2.
+            masses = {node: mass * count / (count + 1) for node, mass in masses.items()}
+            masses |= {"contact": self.mass.true / (2 * count + 2), far: self.mass.true / (2 * count + 2)}
         return masses, links
 
 

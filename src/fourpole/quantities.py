@@ -387,6 +387,7 @@ BELT_SHARE = Quantity(
     "belt_share", "r", "share of springs", "1", "stiffness of the spring at the contact over that at the rim, modulus"
 )
 BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
+BELT_SPREAD = Quantity("belt_spread", "", "spread of the mass", "1", "of a rod of n masses: 1 - 1/n; 1 if it is even")
 BELT_EVIDENCE = Quantity(
     "belt_evidence", "", "evidence over massless", "1",
     "gain of the logarithm of the evidence by the mass of all specimens",

@@ -20,7 +20,7 @@ from fourpole.core.plan import advice, remedies
 from fourpole.core.recordingchecks import check_consistency, check_mean_force, check_resonance, excess
 from fourpole.core.reference import PulseTrain, Reference
 from fourpole.core.rig import Rig
-from fourpole.core.specimen import Body, Form
+from fourpole.core.specimen import Body, Form, spread_of
 from fourpole.core.spectra import averaged, excited, random, sweep
 from fourpole.core.spectra.motion import Motion, period_of
 from fourpole.errors import FourpoleError
@@ -63,8 +63,14 @@ def judged(left):
     fit = MagicMock(levers=lambda rows: np.array([1 - left]), predicted=lambda rows: np.zeros(1))
     solution = curves._Solution(fit, np.ones(2), 10.0)
     model = SimpleNamespace(logs=np.zeros(1), rows=None, noise=np.zeros(1))
-    data = SimpleNamespace(frequency=np.ones(1))
+    data = SimpleNamespace(frequency=np.ones(1), family=np.zeros(1, int))
     return bool(curves._judged(data, np.arange(1), None, model, solution, np.ones(1, bool)).judged[0])
+
+
+def repeated(ratio, second):
+    """Whether a test that departs by 0.3 is repeated by a second one, by their frequencies and its departure."""
+    data = SimpleNamespace(frequency=np.array([1.0, ratio]), family=np.zeros(2, int))
+    return bool(curves._repeated(data, np.array([0.3, second]) + 0j).all())
 
 
 def good(times):
@@ -220,12 +226,12 @@ def long_enough(length, band=(10.0, 90.0)):
 
 def finer(leakage, after=0.0):
     """Number of lengths of segments that are tried, by what leaks with the first one, and with the others."""
-    sizes = iter([leakage, after, after])
+    sizes, lengths = iter([leakage, after, after, after]), iter([1.0, 2.0, 4.0, 8.0])
     track = SimpleNamespace(time=np.zeros(100_000), rate=1000.0)
     parts = dict.fromkeys(("fine_spectrum", "_check_random"), MagicMock())
     parts |= {"prepared": lambda *given: (track, (10.0, 90.0)), "period_of": lambda *given: None}
     parts |= {"motion_of": MagicMock(return_value=SimpleNamespace(has_gaps=False))}
-    made = MagicMock(side_effect=lambda *given: SimpleNamespace(driven=False, leak=next(sizes)))
+    made = MagicMock(side_effect=lambda *given: SimpleNamespace(driven=False, leak=next(sizes), length=next(lengths)))
     with patch.multiple(random, _leakage=lambda one: one.leak, segment_amplitudes=made, **parts):
         random.random_amplitudes(SimpleNamespace(label="a"), (10.0, 90.0))
     return made.call_count
@@ -398,8 +404,17 @@ EDGES = {
         {0.99e-3: 0, 1.01e-3: 1, 1.98e-3: 1, 2.02e-3: 2, 4.95e-3: 2, 5.05e-3: 3, 9.9e-3: 3, 1.01e-2: 4},
     ),
     "cycles, 4 and 16 times as many, or 3 tests": (longer, {40.0: ["160", "640", "3"]}),
-    "specimen that is a rod, 0.1 % by chance": (a_rod, {10.7: False, 10.95: True}),
+    "specimen that is a rod, 0.1 % by chance": (a_rod, {13.7: False, 13.9: True}),
     "moving part of a specimen, half of its weight": (lambda x: Body.weighed(x).mass_std, {10.0: 5.0}),
+    "moving part of a block, half of its weight": (lambda x: Body.weighed(x, 1.0).mass, {10.0: 5.0}),
+    "spread of a mass, known to a quarter of nothing": (
+        lambda x: round(Body(1.0, 0.1, spread=x).odds[1] / Body(1.0, 0.1, 1.0).odds[1], 9), {0.5: 0.25},
+    ),
+    "spread of a mass, no nearer to an end than 5 %": (
+        lambda x: round(float(spread_of(Body(1.0, 0.1, spread=x).odds[0])), 9), {0.94: 0.94, 0.96: 0.95, 0.04: 0.05},
+    ),
+    "tests of one frequency, 1 %": (lambda x: repeated(x, 0.3), {1.009: True, 1.011: False}),
+    "tests that repeat each other, 20 % of their departure": (lambda x: repeated(1.0, x), {0.255: True, 0.245: False}),
     "share of the springs of a tyre, 0.2": (
         lambda x: round(float(np.exp(Body.weighed(x).springs(1e5)[0])), 9), {1.0: 0.2},
     ),

@@ -10,6 +10,13 @@ def number(text: str | None) -> float:
     return float(text) if text else float("nan")
 
 
+def _chain(stiffness: complex, inertia: float, spread: float) -> complex:
+    """k21 over K* of n equal masses between n + 1 equal springs, at a spread of 1 - 1/n; inertia is w^2 m."""
+    n = 1 / min(max(1 - spread, 1e-4), 1.0)
+    angle = 2 * np.arcsin(np.sqrt(inertia / (4 * n * (n + 1) * stiffness)))
+    return complex((n + 1) * np.sin(angle) / np.sin((n + 1) * angle))
+
+
 def transfer(
     stiffness: complex, line: dict[str, str], bodies: list[dict[str, str]], frequency: float, *, weighed: bool
 ) -> tuple[complex, float]:
@@ -29,8 +36,10 @@ def transfer(
     mass, u = number(own[0]["belt mass [kg]"]), number(own[0]["u(belt mass) [kg]"])
     omega2 = (2 * np.pi * frequency) ** 2
     if own[0]["form"] == "rod":
-        turn = np.sqrt(omega2 * mass / stiffness)
-        return complex(turn / np.sin(turn)), float(omega2 * u / abs(stiffness) / 6)
+        spread, u_spread = number(own[0]["spread of the mass [1]"]), number(own[0]["u(spread of the mass) [1]"])
+        factor = _chain(stiffness, omega2 * mass, spread)
+        by = [_chain(stiffness, omega2 * (mass + u), spread), _chain(stiffness, omega2 * mass, spread - u_spread)]
+        return factor, float(np.hypot(*(abs(one - factor) for one in by)))
     share = number(own[0]["share of springs [1]"]) or 1.0
     both = stiffness * (1 + share) ** 2 / share
     factor = 1 / (1 - omega2 * mass / both)

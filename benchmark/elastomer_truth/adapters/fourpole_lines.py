@@ -12,9 +12,10 @@ def lines_around(lines: list[dict[str, str]], frequency: float) -> list[dict[str
     if abs(nearest / frequency - 1) < 1e-3 or len(used) < 3:
         return lines[:1]
     near = used[:3]
-    # A gap in the spectrum is no place to interpolate.
-    far = max(abs(float(line["frequency [Hz]"]) / frequency - 1) for line in near)
-    return near if far < 0.5 else lines[:1]
+    # A gap in the spectrum is no place to interpolate, and nothing is known beyond its ends.
+    places = [float(line["frequency [Hz]"]) / frequency for line in near]
+    inside = min(places) < 1.02 and max(places) > 0.98 and max(abs(place - 1) for place in places) < 0.5
+    return near if inside else lines[:1]
 
 
 def weights_of(frequencies: list[float], frequency: float) -> list[float]:

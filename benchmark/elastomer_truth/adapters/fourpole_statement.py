@@ -12,6 +12,7 @@ _RIG = {
     "moving mass": "moving_mass", "preload spring": "preload_stiffness", "preload damping": "preload_damping",
     "input mass": "input_mass", "frame stiffness": "frame_stiffness",
 }  # fmt: skip
+_SPREADS = {"two equal masses": 0.5, "spread evenly": 1.0}
 _KINDS = {"static": "static", "sine": "dynamic", "random": "random", "sweep": "sweep", "multisine": "random"}
 
 
@@ -38,16 +39,24 @@ def campaign_toml(campaign: Campaign) -> str:
     lines += ["", "[logger]", f"simultaneous = {str(campaign.stated['logger']['simultaneous']).lower()}"]
     drift = [one.get("u_of_drift_over_the_run_relative", 0.0) for one in campaign.stated["specimens"].values()]
     if complete:
-        lines += ["", "[conditions]", f"std_drift = {max(drift)}", "std_block = 0.0"]
+        lines += [
+            "",
+            "[unstated]",
+            'ordinary = "zero"',
+            "",
+            "[conditions]",
+            f"std_drift = {max(drift)}",
+            "std_block = 0.0",
+        ]
     for name, specimen in campaign.stated["specimens"].items():
         belt = specimen.get("form", "").startswith("one mass")
         lines += ["", f'[{"tyres" if belt else "specimens"}."{name}"]']
         if "mass" in specimen:
             mass = specimen["mass"]
-            std = f", std = {mass['u']}" if belt else ""
-            lines.append(
-                f'{"belt_mass" if belt else "specimen_mass"} = {{ value = {mass["value"]}, unit = "kg"{std} }}'
-            )
+            lines.append(f'belt_mass = {{ value = {mass["value"]}, unit = "kg", std = {mass["u"]} }}')
+            lines += [
+                f"mass_spread = {spread}" for form, spread in _SPREADS.items() if specimen["form"].startswith(form)
+            ]
     return "\n".join(lines) + "\n"
 
 

@@ -24,5 +24,9 @@ MASS_STD = 2e-3
 SIMULTANEOUS_STD = 2e-6
 #: Standard uncertainty of the low-cut of an IEPE supply [Hz], and of a stated low-cut [1].
 IEPE_STD, LOW_CUT_STD = 0.3, 0.1
+#: Standard uncertainty of what frame, foundation and guide of a moving rig add to its preload spring, over it [1].
+SUPPORT_STD = 3e-3
+#: Standard uncertainty of the compliance of a bench whose frame_stiffness is not stated [m/N].
+FRAME_STD = 1e-8
 #: The uncertainty of a mounting on the drive, over that of one on the specimen [1].
 ON_DRIVE = 0.1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
 from typing import Annotated, Any, Literal
@@ -35,6 +34,7 @@ from fourpole.campaign.channels import (
 )
 from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
 from fourpole.campaign.report import Equipment, ReportFile
+from fourpole.campaign.stated import Stated, stated_value
 from fourpole.core.checks import Asked
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
@@ -56,52 +56,10 @@ _FIXTURE = "fixture_stiffness"
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
 
-@dataclass(frozen=True)
-class Stated:
-    """A value and its standard uncertainty in SI; `assumed` if campaign.toml does not state the uncertainty."""
-
-    value: float
-    std: float
-    assumed: bool
-
-
-def _stated(raw: Any, kind: str) -> Stated:
-    """A rig value from a text such as "15 kg", or from a table of value, unit, std and exact."""
-    if isinstance(raw, str):
-        raw = {"value": raw}
-    if not isinstance(raw, dict):
-        raise ValueError(
-            f'write it with its unit, as "15 kg" or {{ value = 15.0, unit = "kg", std = 0.1 }}, not {raw!r}'
-        )
-    known_keys(raw, ("value", "unit", "std", "exact"))
-    if "value" not in raw:
-        raise ValueError('has no value: write { value = 15.0, unit = "kg", std = 0.1 }')
-    unit = raw.get("unit", "1" if kind == "ratio" else None)
-    if unit is not None and not isinstance(unit, str):
-        raise ValueError(f"unit must be a text, not {unit!r}")
-    exact = raw.get("exact", False)
-    if not isinstance(exact, bool):
-        raise ValueError(f"exact must be true or false, not {exact!r}")
-    value = units.quantity(raw["value"], kind, default_unit=unit)
-    if exact and "std" in raw:
-        raise ValueError("exact = true and std contradict each other: keep one of them")
-    if exact:
-        return Stated(value, 0.0, assumed=False)
-    if "std" not in raw:
-        return Stated(value, defaults.RIG_STD * abs(value), assumed=value != 0)
-    if isinstance(raw["std"], str) and raw["std"].strip().endswith("%"):
-        std = abs(value) * units.quantity(raw["std"], "ratio")
-    else:
-        std = units.quantity(raw["std"], kind, default_unit=unit)
-    if std < 0:
-        raise ValueError("std is negative: state a standard uncertainty, zero or positive")
-    return Stated(value, std, assumed=False)
-
-
 class RigFile(File):
     """[rig] or [rigs.NAME] of campaign.toml."""
 
-    values: dict[str, Annotated[Stated, BeforeValidator(lambda raw: _stated(*raw))]] = Field(default_factory=dict)
+    values: dict[str, Annotated[Stated, BeforeValidator(lambda raw: stated_value(*raw))]] = Field(default_factory=dict)
     fixture: Stated | None = None
     output: Literal["blocked"] | None = None
     force_at: Literal["drive", "ground"] | None = None
@@ -116,7 +74,7 @@ class RigFile(File):
         fixture = None
         if _FIXTURE in raw:
             try:
-                fixture = _stated(raw[_FIXTURE], "stiffness")
+                fixture = stated_value(raw[_FIXTURE], "stiffness")
             except ValueError as error:
                 raise ValueError(f"{_FIXTURE}: {error}") from None
             if not fixture.value > 0:
@@ -175,7 +133,8 @@ class SpecimenFile(BaseModel):
 
     `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
     `specimen_mass` is its whole weight, `belt_mass` what moves between its ends, and `belt_frequency` the first
-    frequency of this mass with the rim held and the contact free.
+    frequency of this mass with the rim held and the contact free. `mass_spread` is 0 for a mass in the middle, and 1 if
+    it is spread evenly from end to end.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
@@ -185,11 +144,12 @@ class SpecimenFile(BaseModel):
     specimen_mass: Stated | None = None
     belt_mass: Stated | None = None
     belt_frequency: Stated | None = None
+    mass_spread: float | None = Field(default=None, ge=0, le=1)
 
     @field_validator("specimen_mass", "belt_mass", "belt_frequency", mode="before")
     @classmethod
     def _quantity(cls, raw: Any, info: ValidationInfo) -> Stated:
-        stated = _stated(raw, "frequency" if info.field_name == "belt_frequency" else "mass")
+        stated = stated_value(raw, "frequency" if info.field_name == "belt_frequency" else "mass")
         if not stated.value > 0:
             raise ValueError(f"is {stated.value:g}: state a positive number")
         return stated
@@ -198,14 +158,24 @@ class SpecimenFile(BaseModel):
     def _whole(self) -> SpecimenFile:
         if self.belt_frequency is not None and self.belt_mass is None:
             raise ValueError("belt_frequency tells the spring of a belt whose mass is known: state belt_mass too")
+        if self.belt_frequency is not None and self.mass_spread is not None:
+            raise ValueError(
+                "belt_frequency is that of a belt, and mass_spread of a mass between alike springs: state one"
+            )
+        if self.mass_spread is not None and self.belt_mass is None and self.specimen_mass is None:
+            raise ValueError("mass_spread says where a mass is: state specimen_mass or belt_mass too")
         return self
 
     def body(self, share: float) -> Body:
         """What is stated of its inertia, with the usual share of its springs."""
         if self.belt_mass is not None:
             frequency = self.belt_frequency or Stated(0.0, 0.0, assumed=False)
-            return Body(self.belt_mass.value, self.belt_mass.std, share, frequency.value, frequency.std)
-        return Body.weighed(self.specimen_mass.value, share) if self.specimen_mass is not None else Body(share=share)
+            return Body(
+                self.belt_mass.value, self.belt_mass.std, share, frequency.value, frequency.std, self.mass_spread
+            )
+        if self.specimen_mass is None:
+            return Body(share=share)
+        return Body.weighed(self.specimen_mass.value, share, self.mass_spread)
 
     @model_validator(mode="after")
     def _check_shape(self) -> SpecimenFile:

@@ -104,6 +104,7 @@ class Code(Enum):
     PASSIVE = "passivity"
     PASSIVE_ARM = "passive arm"
     UNCERTAINTY = "uncertainty"
+    CERTAINTY = "uncertainty of K*"
     AGREEMENT = "agreement"
     RIG = "rig"
     SCATTER = "scatter"

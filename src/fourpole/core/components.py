@@ -147,6 +147,8 @@ COMPONENTS = (
               "the difference of their loss angles"),
     Component(Kind.BELT_EXPONENT, "belt", Shape.PART, Scope.SPECIMEN, 0.6, 3.0, "1", "",
               "the power of K* by which their share changes"),
+    Component(Kind.BELT_SPREAD, "belt", Shape.PART, Scope.SPECIMEN, pi / 3**0.5, 9.0, "1", "",  # as of any spread alike
+              "the logarithm of the odds of the spread of its mass, 0 in its middle, 1 evenly"),
     Component(Kind.K1_LINEARITY, "linearity", Shape.MODULUS, Scope.SHARED, 1e-3, 0.1, "1", "linearity",
               "the departure of load or deflection from a straight line, over the range"),
 )  # fmt: skip

@@ -27,6 +27,9 @@ _PASSES = 30
 _LEAST_LEFT = 1e-3
 #: Residual over its median size below which a test is first taken as good.
 _GOOD = 4.0
+#: Relative distance of equal frequencies, and the difference of two tests there over their departure from the curve,
+#: below which one repeats the other.
+_SAME, _ALIKE = 0.01, 0.2
 #: Relative distance beyond the measured frequencies to which a curve reaches.
 _REACH = 0.03
 _MEDIAN = 1.1774  # median modulus of two normal numbers of variance 1
@@ -187,8 +190,21 @@ def _judged(
     off[tests], judged[tests] = departure, known
     statistic[tests] = np.where(known, solution.distances(departure, lever, model.noise, weight), 0.0)
     limit = float(stats.f.isf(SEARCH_CHANCE / max(int(np.sum(judged)), 1), 2, solution.dof))
-    strange = judged & (statistic > limit) & (np.abs(off) > _LEAST)
+    strange = judged & (statistic > limit) & (np.abs(off) > _LEAST) & ~_repeated(data, off)
     return Curves(data, judged, off, statistic, limit, strange, design, solution)
+
+
+def _repeated(data: Samples, off: ComplexArray) -> BoolArray:
+    """Tests that another one of the same condition and frequency repeats: the curve is not that of the specimen."""
+    order = np.lexsort((data.frequency, data.family))
+    first, second = order[:-1], order[1:]
+    same = data.family[first] == data.family[second]
+    same &= data.frequency[second] < (1 + _SAME) * data.frequency[first]
+    first, second = first[same], second[same]
+    alike = np.abs(off[first] - off[second]) < _ALIKE * np.minimum(np.abs(off[first]), np.abs(off[second]))
+    found = np.zeros(off.size, dtype=bool)
+    found[first[alike]] = found[second[alike]] = True
+    return found
 
 
 def _distinct(frequencies: FloatArray) -> int:

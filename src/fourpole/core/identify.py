@@ -43,7 +43,7 @@ _OMEGA_AT = _K1_AT + 1
 _BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
 _INPUTS = _BODY_AT + 2
 _ITS = "the specimen"
-_INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
+_INPUT_MASS_AT, _FRAME_AT = (6 + list(PARAMETERS).index(name) for name in ("input_mass", "frame_stiffness"))
 
 
 class RigSolution(Protocol):
@@ -147,6 +147,7 @@ def identify(
     channels: ChannelUncertainty | None = None,
     mounting: Sequence[str] | None = None,
     bodies: Sequence[Body] | None = None,
+    frame_std: float = 0.0,
 ) -> Identification:
     r"""Identify K*, K2, C and TR of each test, with uncertainties to first order; those of K2 and C to second order.
 
@@ -170,6 +171,8 @@ def identify(
     bodies : sequence of N Body, optional
         What is known of the inertia of each specimen; without it the specimens count as massless. It counts where the
         rig is blocked; see `fourpole.core.specimen.Inertia.springs`.
+    frame_std : float [m/N]
+        Standard uncertainty of the compliance of a blocked rig whose frame counts as rigid.
 
     Returns
     -------
@@ -206,6 +209,7 @@ def identify(
         channels=channels,
         mounting=mounting,
         bodies=bodies,
+        frame_std=frame_std,
     )
     covariance = answers.covariance
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
@@ -318,6 +322,7 @@ class _Answers:
         channels: ChannelUncertainty | None = None,
         mounting: Sequence[str] | None = None,
         bodies: Sequence[Body] | None = None,
+        frame_std: float = 0.0,
     ) -> None:
         _check_route(route, rig)
         self._bodies, self._body_std = bodies, np.zeros((np.size(phasors.frequency), 2))
@@ -336,9 +341,16 @@ class _Answers:
         of_channels = sum(error_covariance(error, self.amplitudes) for error in self.errors)
         self.covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + of_channels
         of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
+        if self._on_frame:
+            of_rig[:, _FRAME_AT - 6] = frame_std
         omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
         std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std])
         self.covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
+
+    @property
+    def _on_frame(self) -> bool:
+        """Whether the far side stands on a frame that counts as rigid."""
+        return self.rig is not None and self.rig.blocked and np.isinf(self.rig.frame_stiffness)
 
     def _identify(self, route: str) -> None:
         """Set all values and derivatives."""
@@ -354,6 +366,8 @@ class _Answers:
         self.mobility, by_mobility = _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
         self.by_mobility = parts(by_mobility, axis=-2)
         self.stiffness, by_stiffness = self._stiffness(route)
+        if self._on_frame:  # by its compliance, which is zero
+            by_stiffness[:, _FRAME_AT] += self.stiffness**2
         by_stiffness[:, _OMEGA_AT] += self.stiffness / self.omega  # the factor jw of every route's formula
         if self._bodies is not None and self.rig is not None and self.rig.blocked:
             by_stiffness = self._without_inertia(self._bodies, by_stiffness, at_ground=self.rig.at_ground)
@@ -370,7 +384,7 @@ class _Answers:
     def _without_inertia(self, bodies: Sequence[Body], by_stiffness: ComplexArray, *, at_ground: bool) -> ComplexArray:
         """Make K* that of the springs, and give its derivatives."""
         inertia = Inertia.of(bodies, self.stiffness.real)
-        self._body_std = np.stack([inertia.mass_std, inertia.share_std], axis=1)
+        self._body_std = np.stack([inertia.mass_std, inertia.shape_std], axis=1)
         self.stiffness, by = inertia.springs(self.stiffness, self.omega, at_ground=at_ground)
         by_stiffness = by_stiffness * by[:, :1]
         by_stiffness[:, _BODY_AT:] += by[:, 1:]

@@ -164,15 +164,15 @@ class Rig:
         return cascade(*parts)
 
     def mobility(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
-        """Mobility V2/F2 of the rig at the tyre, 1/Zr [m/(N s)]; 0 where blocked, infinite at its own resonance."""
+        """Mobility V2/F2 of the rig at the tyre, 1/Zr [m/(N s)]; infinite at its own resonance."""
         omega = np.asarray(omega, dtype=float)
         if self.blocked:
-            return np.zeros(np.broadcast_shapes(omega.shape, np.shape(added_mass)), dtype=complex)
+            return 1j * omega / self.frame_stiffness + np.zeros(np.shape(added_mass))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(1.0 / np.asarray(self.impedance(omega, added_mass)))[()]
 
     def impedance(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
-        r"""Impedance F2/V2 of the rig at the tyre [N s/m]; infinite where blocked.
+        r"""Impedance F2/V2 of the rig at the tyre [N s/m]; that of its frame where blocked, infinite if this is rigid.
 
         .. math::
 
@@ -181,7 +181,8 @@ class Rig:
         """
         omega = np.asarray(omega, dtype=float)
         if self.blocked:
-            return np.full(np.broadcast_shapes(omega.shape, np.shape(added_mass)), np.inf, dtype=complex)
+            frame = np.inf if np.isinf(self.frame_stiffness) else self.frame_stiffness / (1j * omega)
+            return np.full(np.broadcast_shapes(omega.shape, np.shape(added_mass)), frame, dtype=complex)
         total = self.moving_mass + self.tyre_mass + np.asarray(added_mass)
         return np.asarray(1j * omega * total + self._support(omega))[()]
 
@@ -209,13 +210,16 @@ class Rig:
         Returns
         -------
         (..., 8) complex array
-            In the order of `PARAMETERS`, then the added mass; zero for absent parts and for a blocked rig.
+            In the order of `PARAMETERS`, then the added mass; zero for absent parts, and for all but the frame of a
+            blocked rig.
         """
         omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
         gradient = np.zeros((*omega.shape, len(PARAMETERS) + 1), dtype=complex)
-        if self.blocked:
-            return gradient
         jw = 1j * omega
+        if self.blocked:
+            if np.isfinite(self.frame_stiffness):
+                gradient[..., list(PARAMETERS).index("frame_stiffness")] = 1 / jw
+            return gradient
         by = dict.fromkeys(("moving_mass", "tyre_mass", "added_mass"), jw)
         by_leaf = (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0 / jw
         by["preload_stiffness"] = by_leaf * (1 + 1j * self.preload_loss_factor)
@@ -228,10 +232,11 @@ class Rig:
         return gradient
 
     def impedance_slope(self, omega: ArrayLike, added_mass: ArrayLike = 0.0) -> ComplexArray:
-        """Derivative of Zr by the angular frequency [N s^2/m]; 0 where blocked."""
+        """Derivative of Zr by the angular frequency [N s^2/m]; 0 where blocked by a rigid frame."""
         omega, added_mass = np.broadcast_arrays(np.asarray(omega, dtype=float), added_mass)
         if self.blocked:
-            return np.zeros(omega.shape, dtype=complex)
+            frame = self.frame_stiffness if np.isfinite(self.frame_stiffness) else 0.0
+            return np.asarray(1j * frame / omega**2)
         slope = 1j * (self.moving_mass + self.tyre_mass + added_mass) - self._support(omega) / omega
         if self._held:
             slope = slope + self.preload_damping / omega * (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0

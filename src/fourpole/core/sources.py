@@ -75,6 +75,7 @@ class Kind(Enum):
     BELT_SHARE = ("share of springs of ", (), Role.SPECIMEN)
     BELT_ANGLE = ("angle of springs of ", (), Role.SPECIMEN)
     BELT_EXPONENT = ("exponent of springs of ", (), Role.SPECIMEN)
+    BELT_SPREAD = ("spread of the mass of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
@@ -101,7 +102,7 @@ _MASS = re.compile(r"added mass (\S+) kg")
 #: Kinds whose text ends with the name of a specimen.
 _OF_SPECIMEN = (
     Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.STEP, Kind.ANGLE_STEP, Kind.BLOCK, Kind.ANGLE_BLOCK,
-    Kind.BELT_MASS, Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT,
+    Kind.BELT_MASS, Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT, Kind.BELT_SPREAD,
 )  # fmt: skip
 
 

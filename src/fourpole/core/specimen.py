@@ -17,10 +17,14 @@ The share depends on frequency as far as the two springs are not of one law:
 .. math:: \frac1r = \Bigl(1 + \frac1{r_0}\Bigr) \Bigl(\frac{K^*}{K_0}\Bigr)^{-p/(1 + r_0)} - 1,
 
 which is :math:`r_0 (K^*/K_0)^p` near :math:`K_0`. For p = 0 they are of one law, for :math:`p = 1 + r_0` the spring at
-the rim is constant. A rod, whose mass is spread along it, has
+the rim is constant. In a rod the mass is spread along the specimen: n equal masses between n + 1 equal springs have
 
-.. math:: S = K^*\,\frac{\theta}{\sin\theta},\quad m_1 = m_2 = \frac{m_b}{2}\,\frac{\tan(\theta/2)}{\theta/2},\quad
-          \theta^2 = \frac{\omega^2 m_b}{K^*}.
+.. math:: S = (n + 1)\,K^*\,\frac{\sin\varphi}{\sin(n + 1)\varphi},\quad
+          \omega^2 m_1 = \omega^2 m_2
+          = (n + 1)\,K^* \Bigl(\cos\varphi - 1 + \sin\varphi\,\tan\frac{(n + 1)\varphi}{2}\Bigr),\quad
+          \sin^2\frac\varphi2 = \frac{\omega^2 m_b}{4\,n\,(n + 1)\,K^*},
+
+for every real n. The spread 1 - 1/n is 0 for one mass in the middle, and 1 for a mass that is spread evenly.
 
 References
 ----------
@@ -40,8 +44,10 @@ from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, Float
 from fourpole.core.components import component
 from fourpole.core.sources import Kind
 
-#: Below this square of the angle of a rod its functions are series; what these leave out is round-off.
-_SMALL = 1e-3
+#: Modulus of the square of the angle of a rod below which it is linear in it; what this leaves out is its square.
+_SMALL = 1e-8
+#: Least mass of each part of a rod, over that of all.
+_FINEST = 1e-4
 #: Largest logarithm of a share, and least logarithm of the stiffness at the rim over K*: of a search that went astray.
 _LARGE, _SOFTER = 12.0, 0.05
 #: Logarithm of a share, of a search that went astray, below which it is nothing.
@@ -49,12 +55,14 @@ _FARTHEST = 500.0
 _PARTS = ("spring", "contact", "wheel")
 
 
-#: Standard uncertainty of the mass that moves between the ends, over the weight of a specimen.
-_STATED = 0.5
+#: Standard uncertainty of the mass that moves between the ends, over the weight; of a block it is that mass, too.
+_HALF = 0.5
 #: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
 TYRE, BLOCK = 0.2, 1.0
 #: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
 _LEAST = 0.03
+#: Uncertainty of the log odds of a stated spread over those of which nothing is known; no mass is nearer to an end.
+_ABOUT, _EVEN = 0.25, 0.05
 #: Newton steps from the dynamic stiffness at an end to K* of the springs.
 _STEPS = 20
 
@@ -77,7 +85,8 @@ class Ends(ByValue):
     contact, wheel : (N,) complex arrays [kg]
         The masses at the contact and at the wheel.
     by : (N, 4, 3) complex array
-        Derivatives by log K*, mass, log share and exponent, of log `spring`, `contact` and `wheel`.
+        Derivatives by log K*, mass, log share and exponent, of log `spring`, `contact` and `wheel`. A rod has the
+        logarithm of the odds of its spread in place of the exponent.
     """
 
     spring: ComplexArray
@@ -109,6 +118,7 @@ def ends_of(
     stiffness : (N,) complex array [N/m]
         K* of the springs.
     omega, mass, exponent : (N,) float arrays [rad/s], [kg], [1]
+        Of a rod the last is the logarithm of the odds of its spread.
     log_share : (N,) complex array [1]
         Logarithm of the share where K* is `reference` (N,) [N/m].
     rod : (N,) bool array
@@ -117,7 +127,7 @@ def ends_of(
     belt = _belt(stiffness, omega, mass, log_share, exponent, reference)
     if not rod.any():
         return belt
-    along = _rod(stiffness, omega, mass)
+    along = _rod(stiffness, omega, mass, exponent)
     spring, contact, wheel = (np.where(rod, getattr(along, name), getattr(belt, name)) for name in _PARTS)
     return Ends(spring, contact, wheel, np.where(rod[:, None, None], along.by, belt.by))
 
@@ -168,24 +178,49 @@ def _share(
     return share, (exponent * slope, slope * (1 - rise * first), bend * slope)
 
 
-def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray) -> Ends:
-    unit = omega**2 / stiffness
-    square = mass * unit
-    small = np.abs(square) < _SMALL
-    angle = np.sqrt(np.where(small, 1.0, square))
-    angle = angle.real + 1j * np.clip(angle.imag, -_LARGE, _LARGE)
-    sine, cosine, half = np.sin(angle), np.cos(angle), np.tan(angle / 2) / (angle / 2)
-    x = square
-    spring = np.where(small, 1 + x / 6 + 7 * x**2 / 360 + 31 * x**3 / 15120, angle / sine)
-    end = np.where(small, 1 + x / 12 + x**2 / 120 + 17 * x**3 / 20160, half)
-    by_spring = np.where(small, 1 / 6 + 7 * x / 180 + 31 * x**2 / 5040, (sine - angle * cosine) / sine**2 / (2 * angle))
-    by_end = np.where(small, 1 / 12 + x / 60 + 17 * x**2 / 6720, (1 / np.cos(angle / 2) ** 2 - half) / (2 * angle**2))
+def log_odds(spread: float) -> float:
+    """Logarithm of the odds of the spread of a rod, s/(1 - s), in which it has no end."""
+    each = float(np.clip(1 - spread, _FINEST, 1 - _FINEST))
+    return float(np.log(1 / each - 1))
+
+
+def spread_of(odds: ArrayLike) -> FloatArray:
+    """The spread of a rod by the logarithm of its odds."""
+    return np.asarray(1 / (1 + np.exp(-np.clip(odds, -_LARGE, _LARGE))))
+
+
+def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray, odds: FloatArray) -> Ends:
+    unit, each = omega**2 / stiffness, np.maximum(1 - spread_of(odds), _FINEST)  # one mass over all
+    x = np.where(np.abs(mass * unit) < _SMALL, _SMALL, mass * unit)
+    rest = mass * unit - x
+    sine = 0.5 * each * np.sqrt(x / (1 + each))
+    angle = 2 * np.arcsin(sine)
+    angle = angle.real + 1j * np.clip(angle.imag, -_LARGE * each, _LARGE * each)
+    count = (1 + each) / each
+    whole, by_sine = count * angle, 2 / np.sqrt(1 - sine**2)
+    by_x, by_each = by_sine * sine / (2 * x), by_sine * sine * (1 / each - 0.5 / (1 + each))
+    whole_by_each = count * by_each - angle / each**2
+    cot, whole_cot, half = 1 / np.tan(angle), 1 / np.tan(whole), np.tan(whole / 2)
+    log_spring = np.log(count) + np.log(np.sin(angle)) - np.log(np.sin(whole))
+    log_by_x = by_x * (cot - count * whole_cot)
+    log_by_each = 1 / (1 + each) - 1 / each + by_each * cot - whole_by_each * whole_cot
+    # The mass at an end over that of the rod.
+    turned = count * np.sin(angle) * half
+    end = turned / x - 0.5 * each
+    end_by_x = (turned * (by_x * cot + 0.5 * count * by_x * (half + 1 / half)) - turned / x) / x
+    end_by_each = (
+        turned * (-1 / (each * (1 + each)) + by_each * cot + 0.5 * whole_by_each * (half + 1 / half)) / x - 0.5
+    )
+    end, log_spring = end + rest * end_by_x, log_spring + rest * log_by_x
     by = np.zeros((stiffness.size, 4, 3), dtype=complex)
-    by[:, 0, 0], by[:, 1, 0] = 1 - x * by_spring / spring, unit * by_spring / spring
-    by[:, 0, 1] = by[:, 0, 2] = -0.5 * mass * x * by_end
-    by[:, 1, 1] = by[:, 1, 2] = 0.5 * (end + mass * unit * by_end)
-    at_end = np.asarray(0.5 * mass * end, dtype=complex)
-    return Ends(stiffness * spring, at_end, at_end, by)
+    square = mass * unit
+    by[:, 0, 0], by[:, 1, 0], by[:, 3, 0] = 1 - square * log_by_x, unit * log_by_x, log_by_each
+    by[:, 0, 1] = by[:, 0, 2] = -mass * square * end_by_x
+    by[:, 1, 1] = by[:, 1, 2] = end + square * end_by_x
+    by[:, 3, 1] = by[:, 3, 2] = mass * end_by_each
+    by[:, 3] *= (-each * (1 - each))[:, None]
+    at_end = np.asarray(mass * end, dtype=complex)
+    return Ends(stiffness * np.exp(log_spring), at_end, at_end, by)
 
 
 @dataclass(frozen=True)
@@ -201,6 +236,8 @@ class Specimen:
         Stiffness of the spring at the contact over that at the rim where K* is `reference`.
     exponent : float [1]
         Power of K* by which the share changes near the reference.
+    spread : float [1]
+        Of a rod: 0 for one mass in the middle, 1 - 1/n for n equal masses, 1 for a mass that is spread evenly.
     reference : complex [N/m]
         K* at which the share is `share`.
 
@@ -224,15 +261,17 @@ class Specimen:
     share: complex = 0.2
     exponent: float = 0.0
     reference: complex = 1.0
+    spread: float = 1.0
 
     def ends(self, stiffness: ComplexArray, omega: FloatArray) -> Ends:
         """The spring and the masses of both ends, for K* (N,) [N/m] at angular frequencies (N,) [rad/s]."""
         if self.form is Form.MASSLESS:
             return massless(stiffness)
         ones = np.ones(stiffness.size)
-        log_share, exponent = np.log(complex(self.share)) * ones, self.exponent * ones
-        rod = np.full(stiffness.size, self.form is Form.ROD)
-        return ends_of(stiffness, omega, self.mass * ones, log_share, exponent, self.reference * ones, rod)
+        rod = self.form is Form.ROD
+        log_share, last = np.log(complex(self.share)) * ones, (log_odds(self.spread) if rod else self.exponent) * ones
+        alike = np.full(stiffness.size, rod)
+        return ends_of(stiffness, omega, self.mass * ones, log_share, last, self.reference * ones, alike)
 
     def share_at(self, stiffness: ComplexArray) -> ComplexArray:
         """Share of the springs (N,) [1] where K* is `stiffness` (N,) [N/m]."""
@@ -263,8 +302,10 @@ class Specimen:
         """
         stiffness = np.atleast_1d(np.asarray(stiffness, complex))
         if self.form is Form.ROD:
-            root = np.sqrt(stiffness.real / self.mass) / (2 * np.pi)
-            return np.stack([root * np.pi / 2, root * np.pi], axis=1)
+            each = max(1 - self.spread, _FINEST)
+            root = np.sqrt(stiffness.real / self.mass * (1 + each)) / (np.pi * each)
+            turns = [np.sin(0.5 * np.pi * each / (more + each)) for more in (2, 1)]
+            return np.stack([root * turn for turn in turns], axis=1)
         share = self.share_at(stiffness)
         rim = stiffness * (1 + share) / share
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -285,6 +326,8 @@ class Body:
     frequency, frequency_std : float [Hz]
         First frequency of the mass with the rim held and the contact free, and its standard uncertainty; 0 and 0 where
         it is not stated.
+    spread : float, optional [1]
+        How far the mass is spread from end to end, as of `Specimen`; None where it is not stated.
     """
 
     mass: float = 0.0
@@ -292,11 +335,26 @@ class Body:
     share: float = TYRE
     frequency: float = 0.0
     frequency_std: float = 0.0
+    spread: float | None = None
 
     @classmethod
-    def weighed(cls, weight: float, share: float = TYRE) -> Body:
+    def weighed(cls, weight: float, share: float = TYRE, spread: float | None = None) -> Body:
         """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
-        return cls(0.0, _STATED * weight, share)
+        block = share == BLOCK or spread is not None
+        return cls(_HALF * weight if block else 0.0, _HALF * weight, share, spread=spread)
+
+    @property
+    def is_block(self) -> bool:
+        """Whether it may be a rod: its spread is stated, or neither a mode nor that one of its springs is softer."""
+        return self.spread is not None or (self.share == BLOCK and not self.frequency)
+
+    @property
+    def odds(self) -> tuple[float, float]:
+        """Logarithm of the odds of its spread, and its standard uncertainty."""
+        std = component(Kind.BELT_SPREAD).std
+        if self.spread is None:
+            return 0.0, std
+        return log_odds(float(np.clip(self.spread, _EVEN, 1 - _EVEN))), _ABOUT * std
 
     def springs(self, stiffness: float) -> tuple[float, float]:
         """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""
@@ -315,22 +373,28 @@ class Inertia(ByRows):
     Attributes
     ----------
     mass, mass_std : (N,) float arrays [kg]
-    log_share, share_std : (N,) float arrays [1]
-        Logarithm of the share of the springs, and its standard uncertainty.
+    shape, shape_std : (N,) float arrays [1]
+        Logarithm of the share of the springs, of a block that of the odds of the spread of its mass, and its standard
+        uncertainty.
+    block : (N,) bool array
     """
 
     mass: FloatArray
     mass_std: FloatArray
-    log_share: FloatArray
-    share_std: FloatArray
+    shape: FloatArray
+    shape_std: FloatArray
+    block: BoolArray
 
     @classmethod
     def of(cls, bodies: Sequence[Body], stiffness: FloatArray) -> Inertia:
         """That of N specimens as stated, whose K' is about `stiffness` (N,) [N/m]."""
-        springs = [body.springs(one) for body, one in zip(bodies, stiffness.tolist(), strict=True)]
-        share, std = np.array(springs).reshape(-1, 2).T
+        shapes = [
+            body.odds if body.is_block else body.springs(one) for body, one in zip(bodies, stiffness, strict=True)
+        ]
+        shape, std = np.array(shapes).reshape(-1, 2).T
         mass, mass_std = np.array([(body.mass, body.mass_std) for body in bodies]).reshape(-1, 2).T
-        return cls(mass, mass_std, share, np.where(mass_std > 0, std, 0.0))
+        block = np.array([body.is_block for body in bodies], dtype=bool)
+        return cls(mass, mass_std, shape, np.where(mass_std > 0, std, 0.0), block)
 
     def springs(
         self, measured: ComplexArray, omega: FloatArray, *, at_ground: bool
@@ -350,16 +414,19 @@ class Inertia(ByRows):
         -------
         stiffness : (N,) complex array [N/m]
         by : (N, 3) complex array
-            Derivatives by `measured`, by the mass and by the logarithm of the share.
+            Derivatives by `measured`, by the mass and by the shape.
         """
         stiffness = measured.copy()
-        zero, no = np.zeros(omega.size), np.zeros(omega.size, dtype=bool)
+        share, spread = np.where(self.block, 0.0, self.shape) + 0j, np.where(self.block, self.shape, 0.0)
         for step in range(_STEPS + 1):
-            ends = ends_of(stiffness, omega, self.mass, self.log_share + 0j, zero, stiffness, no)
-            slopes = ends.spring[:, None] * ends.by[:, :3, 0]
+            ends = ends_of(stiffness, omega, self.mass, share, spread, stiffness, self.block)
+            by = np.concatenate(
+                [ends.by[:, :2], np.where(self.block[:, None], ends.by[:, 3], ends.by[:, 2])[:, None]], 1
+            )
+            slopes = ends.spring[:, None] * by[:, :, 0]
             value = ends.spring
             if not at_ground:
-                value, slopes = value - omega**2 * ends.contact, slopes - (omega**2)[:, None] * ends.by[:, :3, 1]
+                value, slopes = value - omega**2 * ends.contact, slopes - (omega**2)[:, None] * by[:, :, 1]
             slopes[:, 0] /= stiffness
             if step < _STEPS:
                 stiffness = stiffness - (value - measured) / slopes[:, 0]

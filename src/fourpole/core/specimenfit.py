@@ -17,14 +17,14 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import parts
 from fourpole.core.components import component
 from fourpole.core.sources import Kind
-from fourpole.core.specimen import TYRE, Form, Specimen
+from fourpole.core.specimen import TYRE, Form, Specimen, spread_of
 
 #: Chance below which a difference counts as real: of k12 and k21, of the poles and a form, of a form and a simpler one.
 UNLIKELY = 1e-3
 #: A stiffness that no specimen has [N/m], and the most rounds of a search.
 _FAR, _ROUNDS = 1e15, 100
-#: Parameters of each form that all frequencies share: mass, log share, its angle, exponent.
-_COUNT = {Form.MASSLESS: 0, Form.BELT: 4, Form.ROD: 1}
+#: Parameters of each form that all frequencies share: mass, log share, its angle, exponent; of a rod mass and spread.
+_COUNT = {Form.MASSLESS: 0, Form.BELT: 4, Form.ROD: 2}
 #: Centre of the exponent's prior, between springs of one law and a rim of constant stiffness, and stds of the priors.
 _EXPONENT = component(Kind.BELT_EXPONENT).std
 _STDS = np.array([component(kind).std for kind in (Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT)])
@@ -95,15 +95,18 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
     spring, mass, log_k = _first(measured)
     log_k = log_k if count else np.log(spring)
     reference = complex(np.exp(np.mean(log_k)))
-    first = np.array([mass, np.log(share), 0.0, _EXPONENT])
+    first = np.array([mass, 0.0] if form is Form.ROD else [mass, np.log(share), 0.0, _EXPONENT])
+    stds = [component(Kind.BELT_SPREAD).std] if form is Form.ROD else _STDS[: max(count - 1, 0)]
     whiten = np.linalg.inv(np.linalg.cholesky(measured.noise))
 
     def parted(values: FloatArray) -> tuple[Specimen, FloatArray, ComplexArray]:
         """The specimen, the shared errors and K* of some values."""
         own, of_errors, log_k = np.split(values, [count, count + errors])
+        stiffness = np.exp(np.clip(log_k[::2], 0, 50) + 1j * log_k[1::2])
+        if form is Form.ROD:
+            return Specimen(form, float(own[0]), spread=float(spread_of(own[1]))), of_errors, stiffness
         mass, log_share, angle, exponent = np.append(own, np.zeros(4 - count))
         share = np.exp(np.clip(log_share, -12, 12) + 1j * angle)
-        stiffness = np.exp(np.clip(log_k[::2], 0, 50) + 1j * log_k[1::2])
         return Specimen(form, float(mass), complex(share), float(exponent), reference), of_errors, stiffness
 
     def left(values: FloatArray) -> FloatArray:
@@ -113,7 +116,7 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
             poles = np.nan_to_num(specimen.dynamic_stiffness(stiffness, omega), nan=_FAR, posinf=_FAR, neginf=-_FAR)
         off = parts((measured.stiffness - poles).reshape(-1, 4)).reshape(-1, 8)
         off = np.einsum("fij,fj->fi", whiten, off - measured.shared @ of_errors)
-        prior = (values[1:4] - first[1:]) / _STDS if form is Form.BELT else []
+        prior = (values[1:count] - first[1:count]) / stds
         return np.concatenate([off.ravel(), prior, of_errors])
 
     start = np.concatenate([first[:count], np.zeros(errors), parts(log_k).ravel()])

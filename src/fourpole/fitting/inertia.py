@@ -20,7 +20,7 @@ from fourpole.io.published import Published
 
 #: Table of a results folder with the inertia of each specimen at each condition.
 SPECIMENS = "specimens.csv"
-_FORM, _MASS, _SHARE = q.FORM.head, q.BELT_MASS.head, q.BELT_SHARE.head
+_FORM, _MASS, _SHARE, _SPREAD = q.FORM.head, q.BELT_MASS.head, q.BELT_SHARE.head, q.BELT_SPREAD.head
 #: Share of a car's tyre, where none is stated [1].
 USUAL_SHARE = TYRE
 
@@ -33,11 +33,16 @@ class InertiaFile(Strict):
     share: float | None = Field(
         gt=0, le=1e6, description="Stiffness of the spring at the contact over that at the rim [1]; null: of a rod."
     )
+    spread: float | None = Field(
+        default=None, ge=0, le=1, description="Of a rod: 0 for a mass in its middle, 1 if it is spread evenly [1]."
+    )
 
     @property
     def specimen(self) -> Specimen:
         """The specimen with this inertia."""
-        return Specimen(Form(self.form), self.mass, self.share or 1.0)
+        return Specimen(
+            Form(self.form), self.mass, self.share or 1.0, spread=1.0 if self.spread is None else self.spread
+        )
 
 
 @dataclass(frozen=True)
@@ -51,8 +56,9 @@ class Inertias:
         for row in self.rows:
             axes = [column for column in state if column in row]
             if row[q.TYRE.head] == tyre and all(axis_of(at).same(state[at], row[at], blank=True) for at in axes):
-                share = row[_SHARE] if row[_FORM] == Form.BELT.value else None
-                return InertiaFile.model_validate({"form": row[_FORM], "mass": row[_MASS], "share": share})
+                belt = row[_FORM] == Form.BELT.value
+                shape = {"share": row[_SHARE] if belt else None, "spread": None if belt else row.get(_SPREAD)}
+                return InertiaFile.model_validate({"form": row[_FORM], "mass": row[_MASS], **shape})
         return None
 
 
@@ -61,7 +67,7 @@ def inertias_in(results: Published) -> Inertias:
     if not results.has(SPECIMENS):
         return Inertias()
     frame = as_frame(SPECIMENS, results.read(SPECIMENS))
-    numbers = (_MASS, _SHARE, *(axis.column for axis in AXES if axis.column in frame.columns))
+    numbers = [one for one in (_MASS, _SHARE, _SPREAD, *(axis.column for axis in AXES)) if one in frame.columns]
     found = frame.with_columns(pl.col(one).cast(pl.Float64, strict=False) for one in numbers)
     return Inertias(found.filter(pl.col(_MASS) > 0).to_dicts())
 
@@ -73,7 +79,9 @@ def mean_inertia(found: Sequence[InertiaFile | None]) -> InertiaFile | None:
         return None
     shares = [one.share for one in known if one.share is not None]
     share = float(np.exp(np.mean(np.log(shares)))) if shares else None
-    return InertiaFile(form=known[0].form, mass=float(np.mean([one.mass for one in known])), share=share)
+    spreads = [one.spread for one in known if one.spread is not None]
+    spread = float(np.mean(spreads)) if spreads else None
+    return InertiaFile(form=known[0].form, mass=float(np.mean([one.mass for one in known])), share=share, spread=spread)
 
 
 def belt_stated(mass: float | None, share: float | None) -> Specimen | None:

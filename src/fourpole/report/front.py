@@ -150,8 +150,9 @@ def _per_cent(probability: float) -> str:
 _MOST_SAID, _MOST_DESCRIBED = 3, 4
 #: Checks that a rig which does not fit makes fail, too.
 _BY_MISFIT = {
-    Code.CONSISTENCY, Code.PASSIVE_ARM, Code.UNCERTAINTY, Code.AGREEMENT, Code.RIG, Code.SCATTER, Code.TWO_ROOTS,
-    Code.V1_SCALE, Code.K1_RATIO, Code.K1_LARGE, Code.OFF_CURVE, Code.OTHER_CURVE, Code.EXCHANGED, Code.CONVERGENCE,
+    Code.CONSISTENCY, Code.PASSIVE_ARM, Code.UNCERTAINTY, Code.CERTAINTY, Code.AGREEMENT, Code.RIG, Code.SCATTER,
+    Code.TWO_ROOTS, Code.V1_SCALE, Code.K1_RATIO, Code.K1_LARGE, Code.OFF_CURVE, Code.OTHER_CURVE, Code.EXCHANGED,
+    Code.CONVERGENCE,
 }  # fmt: skip
 #: Characters of a specimen's name in the table.
 _LONGEST = 60

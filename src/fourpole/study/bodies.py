@@ -20,7 +20,10 @@ def specimen_rows(points: Points, group: RigGroup) -> Iterator[dict[str, Any]]:
     joint = group.joint
     assert joint is not None
     for found in found_specimens(joint.problem, joint.solution):
-        test = points.tests[group.rows[joint.order[found.test]]]
+        place = group.rows[joint.order[found.test]]
+        if points.strange[place]:  # it is alone in its condition
+            continue
+        test = points.tests[place]
         row = {
             q.TYRE.head: test.tyre,
             q.RIG.head: group.rig_name,
@@ -47,5 +50,7 @@ def _inertia(joint: Joint, found: Found) -> dict[str, Any]:
         q.BELT_SHARE.head: float(np.abs(specimen.share_at(np.asarray(found.stiffness)))) if belt else None,
         q.BELT_SHARE.u_head: share_std if belt else None,
         q.BELT_EXPONENT.head: specimen.exponent if belt else None,
+        q.BELT_SPREAD.head: None if belt else specimen.spread,
+        q.BELT_SPREAD.u_head: None if belt else found.spread_std,
         q.BELT_EVIDENCE.head: joint.misfit.belts,
     }

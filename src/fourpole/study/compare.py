@@ -70,21 +70,23 @@ def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tup
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
     bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
-    straight = np.flatnonzero(used & ~np.array(bent, dtype=bool))
+    # No line of a recording with many can be another's: that would be an error of all its lines.
+    single = np.array([test.band is None for test in points.tests], dtype=bool)
+    straight = np.flatnonzero(used & single & ~np.array(bent, dtype=bool))
     strange, on_curves = np.zeros(used.size, dtype=bool), []
     if (curves := _curves(campaign, points, alone, straight)) is not None:
         strange[straight[curves.strange]] = True
         on_curves = list(curve_checks(curves, points, straight))
     checks = [
         *copies(points, sound & ~strange),
-        *noises(points, sound & np.array([test.band is None for test in points.tests], dtype=bool)),
+        *noises(points, sound & single),
         *scales(points, alone),
         *_exchanged_k1(campaign, points, alone, np.flatnonzero(used)),
         *on_curves,
     ]
     further = [axis.name for axis in campaign.stated.sameness.further]
     conditions = list(excitations(points, alone, further))
-    notes = mixed_amplitudes(points, alone, further) if straight.size < np.count_nonzero(used) else []
+    notes = mixed_amplitudes(points, alone, further) if any(bent) else []
     return replace(points, strange=strange).with_checks(checks), conditions, notes
 
 
@@ -102,13 +104,12 @@ def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
     # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
-    # The same holds if K' is far above K1 at a few lines: K' rises by the loss at lower frequencies, too.
+    # The same holds if K' is far above K1 in a few: K' rises by the loss at lower frequencies, too.
     of_k1 = Counter(k1[row] for row, _ in rows)
     doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict is Verdict.WARNING)
     for row, check in rows:
-        own_faults = (Code.K1_LARGE,) if points.tests[row].band is None else (Code.K1_LARGE, Code.K1_RATIO)
         few = 2 * doubted[k1[row], check.code] <= of_k1[k1[row]]
-        if check.verdict is not Verdict.WARNING or not few or check.code not in own_faults:
+        if check.verdict is not Verdict.WARNING or not few or check.code is Code.V1_SCALE:
             yield row, check
 
 
@@ -281,7 +282,7 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
             if points.condition[row] < 0:
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
-                of_row = (_passivity(group, place), _arm_check(group, place, stiffness))
+                of_row = (_passivity(group, place), _certainty(group, place), _arm_check(group, place, stiffness))
                 last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
@@ -338,6 +339,15 @@ def _passivity(group: RigGroup, place: int) -> Check:
         Code.PASSIVE, Verdict.REJECTED, times, _NEGATIVE, because=NoArm.NO_LOSS, storage=value.real,
         loss_modulus=value.imag,
     )  # fmt: skip
+
+
+def _certainty(group: RigGroup, place: int) -> Check | None:
+    """Check whether K* is certain enough for propagation; None where it is not found."""
+    size = abs(complex(group.result.stiffness[place]))
+    variance = float(np.trace(group.result.stiffness_covariance[place])) / 2
+    if not (np.isfinite(size) and np.isfinite(variance) and size > 0):
+        return None
+    return judged(Code.CERTAINTY, np.sqrt(variance) / size, NOT_LINEAR, np.inf)
 
 
 def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check | None:

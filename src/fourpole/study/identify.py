@@ -212,6 +212,8 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
+        "support": defaults.SUPPORT_STD if stated.ordinary.counted else 0.0,
+        "frame_std": defaults.FRAME_STD if stated.ordinary.counted else 0.0,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[own].astype(float),
@@ -307,6 +309,8 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     known, blocked = np.array([body.mass_std > 0 for body in bodies]), rig is not None and rig.blocked
     if blocked and known.any():
         arguments["bodies"] = bodies
+    if blocked:
+        arguments["frame_std"] = setup["frame_std"]
     at_far_end = route == "transmissibility" or (blocked and rig.at_ground)
     k_of = np.where(known & blocked, "springs", "blocked transfer" if at_far_end else "driving point")
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
@@ -329,7 +333,7 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
-    joint = solve_joint(phasors, **setup)
+    joint = solve_joint(phasors, **{name: value for name, value in setup.items() if name != "frame_std"})
     k1_std, parts = _with_specimen(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
     result = identification(joint, phasors, setup["k1"], k1_std, values)
@@ -367,7 +371,7 @@ def _with_specimen(
 
 
 #: What is known of all tests of a rig together.
-_OF_ALL = ("rig", "channels", "specimens", "bodies")
+_OF_ALL = ("rig", "channels", "specimens", "bodies", "support")
 
 
 def _mass_gain(
@@ -383,7 +387,7 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in _OF_ALL}
+    some = {name: value[bare] for name, value in setup.items() if name not in (*_OF_ALL, "frame_std")}
     alone = solve_joint(few, **some, **{name: setup[name] for name in _OF_ALL} | {"channels": channels})
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(

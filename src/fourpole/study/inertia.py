@@ -52,8 +52,9 @@ class FoundBody:
     def specimen(self, stiffness: complex) -> Specimen:
         """The specimen, the share of which is that of the row where K* is `stiffness` [N/m]."""
         (mass, _), (share, _) = self.pair(q.BELT_MASS), self.pair(q.BELT_SHARE)
-        exponent = float(self.row[q.BELT_EXPONENT.head] or 0.0)
-        return Specimen(self.form, mass, 1.0 if np.isnan(share) else share, exponent, stiffness)
+        exponent, (spread, _) = float(self.row[q.BELT_EXPONENT.head] or 0.0), self.pair(q.BELT_SPREAD)
+        share, spread = 1.0 if np.isnan(share) else share, 1.0 if np.isnan(spread) else spread
+        return Specimen(self.form, mass, share, exponent, stiffness, spread)
 
 
 def bodies_in(results: Study) -> list[FoundBody]:

@@ -177,7 +177,7 @@ SPECIMENS = TableSpec(
     "specimens", "a specimen at one condition without its frequency: its mass and its springs",
     _columns(
         q.TYRE, q.RIG, q.PRESSURE, q.PRELOAD, q.FORM, *q.BELT_MASS.heads, *q.BELT_FREE.heads,
-        *q.BELT_HELD.heads, *q.BELT_SHARE.heads, q.BELT_EXPONENT, q.BELT_EVIDENCE,
+        *q.BELT_HELD.heads, *q.BELT_SHARE.heads, q.BELT_EXPONENT, *q.BELT_SPREAD.heads, q.BELT_EVIDENCE,
     ),
     key=(q.TYRE.head, q.RIG.head, q.PRESSURE.head, q.PRELOAD.head),
 )  # fmt: skip

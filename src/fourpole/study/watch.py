@@ -22,7 +22,8 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign, tests_file
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test, known_name
-from fourpole.campaign.schema import RigFile, Stated
+from fourpole.campaign.schema import RigFile
+from fourpole.campaign.stated import Stated
 from fourpole.core.checks import Verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, FourpoleError

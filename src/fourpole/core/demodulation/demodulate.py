@@ -24,6 +24,7 @@ from fourpole.core.demodulation.spectrum import (
 )
 from fourpole.core.demodulation.spoilt import without_spoilt
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
+from fourpole.core.demodulation.words import word_variance
 from fourpole.core.phasor import CHANNELS, Phasors, circular_covariance
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError, TooShortError
@@ -361,6 +362,10 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
     amplitudes[places] = mixed @ np.array([row[0] for row in true])
     whole = np.zeros((3, 3), dtype=complex)
     whole[np.ix_(places, places)] = to_true @ noise.covariance @ to_true.conj().T
+    signals, roots = [signal for fit in fits for signal in fit.track.signals], np.sqrt(np.concatenate(squares))
+    steps = [word_variance(*one) for one in zip(signals, sizes.tolist(), roots.tolist(), strict=True)]
+    one_by_one = mixed * np.array([row[0] / raw[0] for row, raw in zip(true, recorded, strict=True)])
+    whole[np.ix_(places, places)] += 2.0 * (one_by_one * np.array(steps)) @ one_by_one.conj().T
     order = np.argsort(places).tolist()
     changes, speed_change = changes_of(fits, places)
     return Demodulation(

@@ -21,7 +21,7 @@ from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
-from fourpole.core.specimen import BLOCK, Body, Form, Specimen
+from fourpole.core.specimen import Body, Form, Specimen, log_odds, spread_of
 
 #: Standard uncertainty of a mass of which nothing is stated, over the moving mass.
 _UNSTATED = 0.5
@@ -73,6 +73,7 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
         std = body.mass_std or _UNSTATED * problem.shared.rig.moving_mass
         listed.append(SharedParameter(Source(Kind.BELT_MASS, name), "kg", number, body.mass, std))
         if rod:
+            listed.append(_of_springs(Kind.BELT_SPREAD, name, number, body.odds))
             continue
         listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, (_EXPONENT, component(Kind.BELT_EXPONENT).std)))
         for one in np.unique(observed.family[tyre & (observed.specimen == number)]).tolist():
@@ -92,9 +93,11 @@ def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexAr
 
     A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is one.
     """
-    may_be_rods = all(body.share == BLOCK and not body.frequency for body in bodies.values())
+    may_be_rods = all(body.is_block for body in bodies.values())
     made, good = [], False
-    for rod in (False, True) if may_be_rods else (False,):  # rods are searched once if belts leave nothing
+    are_rods = may_be_rods and any(body.spread is not None for body in bodies.values())
+    # Rods are searched once if belts leave nothing.
+    for rod in (True,) if are_rods else (False, True) if may_be_rods else (False,):
         wide = with_belts(problem, bodies, stiffness, rod=rod)
         for share in _STARTS:
             found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
@@ -251,7 +254,8 @@ class Found(ByValue):
     test : int
         A test of the condition, of the middle one of its frequencies, by its row in the problem.
     specimen : Specimen
-    mass_std : float [kg]
+    mass_std, spread_std : float [kg], [1]
+        Standard uncertainties of its mass, and of the spread of a rod.
     stiffness : complex [N/m]
         K* of this test.
     stds : (3,) float array [Hz], [Hz], [1]
@@ -261,6 +265,7 @@ class Found(ByValue):
     test: int
     specimen: Specimen
     mass_std: float
+    spread_std: float
     stiffness: complex
     stds: FloatArray
 
@@ -285,9 +290,9 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
         if mass[test] > 2 * own_std:
             form = Form.ROD if observed.rod[test] else Form.BELT
             springs = complex(np.exp(share[test])), float(exponent[test]), complex(observed.reference[test])
-            specimen = Specimen(form, float(mass[test]), *springs)
+            specimen = Specimen(form, float(mass[test]), *springs, spread=float(spread_of(springs[1])))
             keys = [key, *((Source(kind, name), at) for kind in (Kind.BELT_SHARE, Kind.BELT_ANGLE))]
-            keys.append((Source(Kind.BELT_EXPONENT, name), number))
+            keys.append((Source(Kind.BELT_SPREAD if form is Form.ROD else Kind.BELT_EXPONENT, name), number))
             change = np.zeros((6, len(shared)))
             for row, one in enumerate(keys):
                 if one in place:
@@ -296,15 +301,16 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
             covariance = change @ solution.covariance @ change.T
             covariance[4:, 4:] += solution.own[middle]
             further = _stds(specimen, stiffness, covariance)
-        made.append(Found(test, specimen, own_std, stiffness, further))
+        spread_std = std.get((Source(Kind.BELT_SPREAD, name), number), 0.0) * specimen.spread * (1 - specimen.spread)
+        made.append(Found(test, specimen, own_std, spread_std, stiffness, further))
     return made
 
 
 def _stds(specimen: Specimen, stiffness: complex, covariance: FloatArray) -> FloatArray:
     """Standard uncertainties (3,) of both frequencies [Hz] and of the share, by numerical derivatives.
 
-    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent, and of Re and
-    Im of log K*.
+    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent (for a rod that
+    of the odds of its spread), and of Re and Im of log K*.
     """
 
     def values(change: FloatArray) -> FloatArray:
@@ -314,6 +320,7 @@ def _stds(specimen: Specimen, stiffness: complex, covariance: FloatArray) -> Flo
             mass=specimen.mass + mass,
             share=specimen.share * np.exp(real + 1j * imag),
             exponent=specimen.exponent + exponent,
+            spread=float(spread_of(log_odds(specimen.spread) + exponent)),
         )
         k = np.array([stiffness * np.exp(complex(*of_k))])
         return np.append(moved_to.frequencies(k)[0], np.abs(moved_to.share_at(k)))

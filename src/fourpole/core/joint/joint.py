@@ -112,8 +112,13 @@ def solve_joint(
     mounting: Sequence[str] | None = None,
     specimens: SpecimenUncertainty | None = None,
     bodies: Mapping[str, Body] | None = None,
+    support: float = 0.0,
 ) -> Joint:
-    """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
+    """The most probable values of all tests of a rig; the arguments are those of `identify_joint`.
+
+    `support` is the standard uncertainty of the force on the moving mass at each frequency that frame, foundation and
+    guide add to that of the preload spring, over the latter [1].
+    """
     if rig.blocked:
         raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
     count = np.size(phasors.frequency)
@@ -157,7 +162,7 @@ def solve_joint(
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
         lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
     )
-    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {})
+    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, support)
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -215,7 +220,9 @@ def of_specimens(
 _Explained = tuple[Problem, Solution, FloatArray, Misfit]
 
 
-def _reconciled(problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body]) -> _Explained:
+def _reconciled(
+    problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body], support: float
+) -> _Explained:
     """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit.
 
     Where massless specimens do not explain the tests as they are stated, the specimens may have a mass of their own.
@@ -227,6 +234,9 @@ def _reconciled(problem: Problem, channels: ChannelUncertainty, bodies: Mapping[
         relative = 2 * np.pi * observed.frequency_std / observed.omega
         by_frequency = problem.by_log_frequency(as_stated, start) * relative[:, None]
         problem = problem.widened(by_frequency[:, :, None])
+    if support:
+        size = support * problem.shared.rig.preload_stiffness / observed.omega
+        problem = problem.widened(problem.columns("by_impedance", as_stated, start) * size[:, None, None])
     massless = _massless(problem, start)
     stated = any(body.mass_std > 0 for body in bodies.values())
     if not stated and _is_enough(massless, bodies):

@@ -22,7 +22,8 @@ STEPS = {Kind.STEP: 1.0, Kind.ANGLE_STEP: 1j}
 PARTS_OF_RUN = 8
 
 #: Change of what each value of a belt acts on, per unit, and its place in `core.specimen.Ends.by`.
-BELTS = {Kind.BELT_MASS: (1.0, 1), Kind.BELT_SHARE: (1.0, 2), Kind.BELT_ANGLE: (1j, 2), Kind.BELT_EXPONENT: (1.0, 3)}
+BELTS = {Kind.BELT_MASS: (1.0, 1), Kind.BELT_SHARE: (1.0, 2), Kind.BELT_ANGLE: (1j, 2), Kind.BELT_EXPONENT: (1.0, 3),
+         Kind.BELT_SPREAD: (1.0, 3)}  # fmt: skip
 #: Those of each condition without its frequency; the others are of a specimen.
 OF_FAMILY = (Kind.BELT_SHARE, Kind.BELT_ANGLE)
 _INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
@@ -194,12 +195,13 @@ class Shared(ByValue):
         return any(parameter.source.kind in BELTS for parameter in self.parameters)
 
     def belts_at(self, z: FloatArray, counts: tuple[int, int]) -> tuple[FloatArray, ComplexArray, FloatArray]:
-        """Mass [kg] of each specimen, log share [1] of each family, exponent [1] of each specimen at z.
+        """Mass [kg] of each specimen, log share [1] of each family, exponent or spread [1] of each specimen at z.
 
         `counts` are the numbers of specimens and of families; what has no value is 0.
         """
         mass, share, exponent = np.zeros(counts[0]), np.zeros(counts[1], dtype=complex), np.zeros(counts[0])
-        of_kind = {Kind.BELT_MASS: mass, Kind.BELT_SHARE: share, Kind.BELT_ANGLE: share, Kind.BELT_EXPONENT: exponent}
+        of_kind = {Kind.BELT_MASS: mass, Kind.BELT_SHARE: share, Kind.BELT_ANGLE: share, Kind.BELT_EXPONENT: exponent,
+                   Kind.BELT_SPREAD: exponent}  # fmt: skip
         values = self.stated_values + z * self.std
         for kind, into in of_kind.items():
             self._add(into, kind, BELTS[kind][0], values)

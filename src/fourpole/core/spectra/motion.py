@@ -204,8 +204,18 @@ def period_of(track: Track, band: tuple[float, float]) -> float | None:
         lag, count = _peak(alike, 2.0 * lag), 2 * count
     if not alike[round(lag)] > _LASTING * alike[first]:
         return None
+    lag = _repeats_after(motion, round(lag))
     whole = round(lag / count)
     return (whole if abs(lag - whole * count) < _WHOLE else lag / count) / track.rate
+
+
+def _repeats_after(motion: FloatArray, lag: int) -> float:
+    r"""The lag at which a motion repeats, near a lag in samples: where v(t + lag) - v(t) has nothing of dv/dt.
+
+    The peak of a correlation is off as far as the motion at both ends of the record is not that of its middle.
+    """
+    change, slope = motion[lag:] - motion[: motion.size - lag], np.gradient(motion)[: motion.size - lag]
+    return lag - float(change @ slope) / max(float(slope @ slope), 1e-300)
 
 
 def _peak(values: FloatArray, near: float) -> float:

@@ -13,13 +13,15 @@ from fourpole.core.spectra.motion import CYCLES, MANY, Motion, fine_spectrum, mo
 from fourpole.core.spectra.sweep import fits_whole, repeated_amplitudes, whole_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 
-#: Fewest segments that are taken for finer lines.
+#: Few segments, of which half are the fewest that are taken for finer lines.
 _FEW = 32
 #: Fewest cycles of the lowest frequency in a recording.
 SHORTEST = 0.5 * CYCLES * (_FEW + 1.0)
 #: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
+#: Numbers of segments that are tried, and the least change of their length.
+_COUNTS, _LONGER = (MANY, MANY // 2, _FEW, _FEW // 2), 1.5
 
 
 def random_amplitudes(recording: Recording, band: tuple[float, float], segment: float | None = None) -> Excited:
@@ -38,8 +40,8 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     band : (float, float) [Hz]
         Lowest and highest frequency.
     segment : float [s], optional
-        Length of the segments. By default the record has some 128 segments, and without a drive fewer, longer ones
-        while the closure phase shows leakage.
+        Length of the segments. By default the record has some 128 segments, and without a drive fewer, longer ones, at
+        least 16, while the closure phase shows leakage.
 
     Raises
     ------
@@ -72,8 +74,9 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     if period is not None and fits_whole(track, inside):
         return replace(whole_amplitudes(recording, track, inside), period=period)
     best: Excited | None = None
-    for count in (MANY, MANY // 2, _FEW):
-        segment = segment_of(length, inside[0], count)
+    for segment in (segment_of(length, inside[0], count) for count in _COUNTS):
+        if best is not None and segment < _LONGER * best.length:
+            continue
         if best is not None and motion_of(track, segment, inside, fine).has_gaps:
             break
         finer = segment_amplitudes(recording, track, inside, segment, fine)
