@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--page", type=Path, action="append", default=[],
         help=f"score: a page that gets the tables of its name between its marks: {', '.join(PAGES)}; may be repeated",
     )  # fmt: skip
-    asked = parser.parse_args(arguments)
+    asked = parser.parse_intermixed_args(arguments)
     chosen = [name for name in names() if not asked.names or name.startswith(tuple(asked.names))]
     if not chosen:
         parser.error(f"{' '.join(asked.names)}: no name of a campaign starts so; names are H001 to F060")

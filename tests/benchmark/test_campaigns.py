@@ -46,7 +46,7 @@ def test_the_six_are_scored(work, capsys):
 def test_what_is_done_is_not_done_again(work):
     parts = sorted((work / "results" / "paper" / "parts").iterdir())
     before = [path.stat().st_mtime_ns for path in parts]
-    assert command.main(["run", *SIX, "--work", str(work), "--method", "paper"]) == 0
+    assert command.main(["run", "--work", str(work), "--method", "paper", *SIX]) == 0
     assert command.main(["make", *SIX, "--work", str(work)]) == 0
     assert [path.stat().st_mtime_ns for path in parts] == before
 
