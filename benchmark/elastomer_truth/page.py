@@ -97,7 +97,8 @@ def faults(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
     campaigns = own.causes.join(by_campaign, on="campaign").join(laboratories, on="campaign")
     honest = [
         [tier, str(part.height), str((part["named"] != "").sum()), str(part["confident"].gt(0).sum())]
-        for (tier,), part in campaigns.filter(pl.col("tier") != "faulty").group_by("tier", maintain_order=True)
+        for tier in ("honest", "ordinary")
+        if (part := campaigns.filter(tier=tier)).height
     ]
     rows, order = [], list(FAULTS)
     for row in own.faults.join(campaigns, on="campaign").iter_rows(named=True):

@@ -15,7 +15,7 @@ def said(study: dict[str, Any], bad: list[dict[str, str]]) -> list[dict[str, Any
         text = (best + cause if best else notes[0]).split("; ")[0]
     elif codes:
         code, count = codes.most_common(1)[0]
-        text = f"the check of {code} is not ok in {count} rows"
+        text = f"rows whose check of {code} is not ok: {count}"
     else:
         return []
     return [{"rank": 0, "cause": "", "channel or part": "", "said": text}]
