@@ -114,7 +114,7 @@ def test_linearity_is_a_part_of_the_range(role):
 
 def test_what_nobody_states_is_that_of_the_table():
     assert errors_of(stated()) == TABLE
-    assert errors_of(stated(more="[logger]\nsimultaneous = true\n"))["delay"] == 2e-6
+    assert errors_of(stated(more="[logger]\nsimultaneous = true\n"))["delay"] == 1e-5
     assert errors_of(stated(more="[logger]\nsimultaneous = false\n"))["delay"] == TABLE["delay"]
 
 

@@ -70,13 +70,13 @@ def stated_quantity(raw: Any, kind: str) -> float:
     return units.quantity(raw, kind, default_unit="1" if kind == "ratio" else None)
 
 
-def _si(kind: str) -> BeforeValidator:
+def si(kind: str) -> BeforeValidator:
     """Validator that turns a quantity of a kind into its SI value."""
     return BeforeValidator(lambda raw: stated_quantity(raw, kind))
 
 
 #: A ratio that is not negative, with or without "%".
-Ratio = Annotated[float, _si("ratio"), Field(ge=0)]
+Ratio = Annotated[float, si("ratio"), Field(ge=0)]
 
 
 def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
@@ -154,13 +154,13 @@ class ChannelFile(File):
     gain: Annotated[float, AfterValidator(lambda value: units.bounded(value, value))] = 1.0
     offset: float | str = 0.0
     sensitivity: str | None = None
-    delay: Annotated[float, _si("time")] = 0.0
-    std_delay: Annotated[float, _si("time"), Field(ge=0)] | None = None
+    delay: Annotated[float, si("time")] = 0.0
+    std_delay: Annotated[float, si("time"), Field(ge=0)] | None = None
     coupling: Literal["dc", "ac", "iepe"] | None = None
-    low_cut: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    low_cut: Annotated[float, si("frequency"), Field(gt=0)] | None = None
     std_low_cut: Annotated[str | None, BeforeValidator(_corner_std)] = None
     std_slope: Ratio | None = None
-    resonance: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    resonance: Annotated[float, si("frequency"), Field(gt=0)] | None = None
     mounted: Literal["specimen", "drive", "rig"] | None = None
     std_mounting: Ratio | None = None
     remounted_with_mass: StrictBool | None = None
@@ -176,7 +176,7 @@ class ChannelFile(File):
     invert: bool = False
     range: float | str | None = None
     std_gain: Ratio | None = None
-    std_phase: Annotated[float, _si("angle"), Field(ge=0)] | None = None
+    std_phase: Annotated[float, si("angle"), Field(ge=0)] | None = None
     exact: bool = False
 
     @model_validator(mode="after")
@@ -362,7 +362,7 @@ class TimeFile(File):
 
     column: str | None = None
     unit: str = "s"
-    sample_rate: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    sample_rate: Annotated[float, si("frequency"), Field(gt=0)] | None = None
 
     @model_validator(mode="after")
     def _readable(self) -> TimeFile:
@@ -385,7 +385,7 @@ class ChannelsFile(File):
     """[channels] of campaign.toml."""
 
     time: TimeFile | None = None
-    sample_rate: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    sample_rate: Annotated[float, si("frequency"), Field(gt=0)] | None = None
     force_in: ChannelFile | None = None
     motion_in: ChannelFile | None = None
     motion_out: ChannelFile | None = None

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import StrictBool
+from pydantic import Field, StrictBool
 
 from fourpole.campaign import defaults
-from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File
+from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File, Ratio, si
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.phasor import CHANNELS
@@ -24,9 +24,31 @@ class LoggerFile(File):
 
 
 class UnstatedFile(File):
-    """[unstated]: what counts for the ordinary errors of which nothing is stated."""
+    """[unstated]: what counts for the ordinary errors of which nothing is stated.
+
+    `support` is what frame and foundation of a moving rig add to its preload spring, over it, `guide_friction` the dry
+    friction of its guide, and `frame` how stiff the frame of a bench is at least, all as standard uncertainties.
+    """
 
     ordinary: Literal["table", "zero"] = "table"
+    support: Ratio | None = None
+    guide_friction: Annotated[float, si("force"), Field(ge=0)] | None = None
+    frame: Annotated[float, si("stiffness"), Field(gt=0)] | None = None
+
+    def rig_std(self, *, rigid: bool) -> dict[str, float]:
+        """Standard uncertainties of the support [1], of the friction [N], and of a bench's compliance [m/N].
+
+        `rigid` says that no stiffness of a frame is stated.
+        """
+        counted = self.ordinary == "table"
+        taken = {
+            "support": defaults.SUPPORT_STD if self.support is None else self.support,
+            "friction": defaults.FRICTION_STD if self.guide_friction is None else self.guide_friction,
+            "frame_std": defaults.FRAME_STD if self.frame is None else 1 / self.frame,
+        }
+        stated = {"support": self.support, "friction": self.guide_friction, "frame_std": self.frame}
+        return {name: std if stated[name] is not None or (counted and (rigid or name == "friction")) else 0.0
+                for name, std in taken.items()}  # fmt: skip
 
 
 def _pair(gain: Kind, angle: Kind) -> complex:

@@ -365,7 +365,7 @@ class CampaignFile(File):
             },
             "sample_rate [Hz]": self.channels.rate,
             "logger": self.logger.model_dump(),
-            "unstated": self.unstated.model_dump(),
+            "unstated": self.unstated.model_dump(exclude_none=True),
             **({"analysis": {"asked": list(self.analysis.asked)}} if self.analysis.asked else {}),
             "conditions": {
                 f"{key} [1]": value for key in _OF_SPECIMENS if (value := getattr(self.conditions, key)) is not None

@@ -212,8 +212,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
-        "support": defaults.SUPPORT_STD if stated.ordinary.counted else 0.0,
-        "frame_std": defaults.FRAME_STD if stated.ordinary.counted else 0.0,
+        **stated.unstated.rig_std(rigid=rig is None or bool(np.isinf(rig.frame_stiffness))),
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[own].astype(float),
@@ -371,7 +370,7 @@ def _with_specimen(
 
 
 #: What is known of all tests of a rig together.
-_OF_ALL = ("rig", "channels", "specimens", "bodies", "support")
+_OF_ALL = ("rig", "channels", "specimens", "bodies", "support", "friction")
 
 
 def _mass_gain(

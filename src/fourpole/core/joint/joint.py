@@ -113,11 +113,13 @@ def solve_joint(
     specimens: SpecimenUncertainty | None = None,
     bodies: Mapping[str, Body] | None = None,
     support: float = 0.0,
+    friction: float = 0.0,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`.
 
-    `support` is the standard uncertainty of the force on the moving mass at each frequency that frame, foundation and
-    guide add to that of the preload spring, over the latter [1].
+    Of a moving rig of which nothing else is stated, `support` is the standard uncertainty of the force that frame and
+    foundation add to that of the preload spring at each frequency, over the latter [1], and `friction` [N] that of the
+    dry friction of its guide.
     """
     if rig.blocked:
         raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
@@ -142,6 +144,9 @@ def solve_joint(
     errors += _unstated_errors(channels.crosstalk, _places(together, when)[order], parts_of_run(together, when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
+    if friction:
+        source = Source(Kind.UNSTATED, "friction")
+        stated = replace(stated, parameters=(*stated.parameters, SharedParameter(source, "N", 0, 0.0, friction)))
     stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
     sorted_phasors = phasors.part(order)
     observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)
