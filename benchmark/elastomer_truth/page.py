@@ -67,13 +67,13 @@ def validation(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
     """Coverage, rms z and confident wrong values of Fourpole: against the goals, by route, quantity, rig, specimen."""
     own = scores[OWN]
     whole, by_quantity = (own.table.filter((pl.col("quantity") == "all") == one) for one in (True, False))
-    goals = [[row["tier"], _count(row), *_held(row), _missed(row) or "all"] for row in whole.iter_rows(named=True)]
+    goals = [[row["tier"], _count(row), _missed(row) or "all", *_held(row)] for row in whole.iter_rows(named=True)]
     routes = [
         [name, row["tier"], _count(row), *_held(row)]
         for name, found in scores.items() if name.startswith("fourpole")
         for row in found.table.filter(quantity="all").iter_rows(named=True)
     ]  # fmt: skip
-    parts = ["### Against the goals", _table(["tier", "campaigns", *_HELD, "goals reached"], goals)]
+    parts = ["### Against the goals", _table(["tier", "campaigns", "goals reached", *_HELD], goals)]
     parts += ["### By route", _table(["method", "tier", "campaigns", *_HELD], routes)]
     found = [[row["tier"], row["quantity"], *_held(row)] for row in by_quantity.iter_rows(named=True)]
     parts += ["### Joint route, by quantity", _table(["tier", "quantity", *_HELD], found)]
@@ -109,11 +109,11 @@ def faults(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
         worst = "" if row["worst"] is None else f"{row['worst']:.1f}"
         place = f"{row['rig']}; {row['specimen']}; {row['recordings']}"
         said = row["said"].replace("|", "\\|").replace("*", "\\*") or "nothing"
-        cells = [title, ", ".join(others), row["campaign"], place, said, row["named"], row["judgement"],
-                 f"{row['ok']} of {row['values']}", str(row["confident"]), worst]  # fmt: skip
-        rows.append((order.index(row["fault"]), cells))
-    heads = ["fault", "together with", "campaign", "laboratory", "what is said first", "named, best first", "judgement",
-             "ok", "of these wrong", "worst, in u"]  # fmt: skip
+        cells = [title, said, row["named"], row["judgement"], f"{row['ok']} of {row['values']}", str(row["confident"]),
+                 worst, ", ".join(others), row["campaign"], place]  # fmt: skip
+        rows.append((order.index(row["fault"]), row["campaign"], cells))
+    heads = ["fault", "what is said first", "named, best first", "judgement", "ok", "of these wrong", "worst, in u",
+             "together with", "campaign", "laboratory"]  # fmt: skip
     faulty = campaigns.filter(pl.col("tier") == "faulty")
     named = [str((faulty["judgement"] == word).sum()) for word in ("right", "fair", "wrong", "none")]
     counted = "The cause is right in {}, fair in {}, wrong in {}, and none is named in {} of {} campaigns.\n"
@@ -121,7 +121,7 @@ def faults(scores: dict[str, Score], laboratories: pl.DataFrame) -> str:
         "### Without a fault",
         _table(["tier", "campaigns", "with a cause named", "with a value wrong with confidence"], honest),
         "### With faults", counted.format(*named, faulty.height),
-        _table(heads, [cells for _, cells in sorted(rows)]),
+        _table(heads, [cells for _, _, cells in sorted(rows)]),
     ])  # fmt: skip
 
 
