@@ -151,7 +151,8 @@ lowest-install:  ## install the lowest versions allowed
 		echo "lowest: skipped, the lowest versions allowed have no wheels for $$($(PYTHON) --version)"; \
 	fi
 
-bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ finds them
+bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ and each method of the benchmark finds them
+	@$(BENCHMARK) .venv-bench/bin/python -c "from elastomer_truth.adapters import METHODS, method; [method(name) for name in METHODS]"
 	@cd bench && ../.venv-bench/bin/python -c "import glob, importlib; [importlib.import_module(name[:-3]) for name in glob.glob('*.py')]"
 
 # Each script writes what it found into bench/kept, and fails where a promise is not kept; the others run all the same.
@@ -160,9 +161,6 @@ bench: $(READY_BENCH)  ## compare with the peers, write the table of docs/speed.
 	@for script in bench/bench_*.py; do echo; echo "== $$script"; .venv-bench/bin/python "$$script"; done; \
 	.venv-bench/bin/python bench/write_table.py
 
-validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on where it was stopped; ONLY=faults: these
-	@$(BIN)/python validation/validate.py $(if $(ONLY),--only $(ONLY))
-
 # Each step goes on where it was stopped. Data, truth and answers are in benchmark/work.
 BENCHMARK := PYTHONPATH=benchmark
 
@@ -170,9 +168,12 @@ benchmark-data: $(READY)  ## make the campaigns of the benchmark, 0.2 GB; ONLY=H
 	@$(BENCHMARK) $(BIN)/python -m elastomer_truth make $(ONLY)
 	-@$(BENCHMARK) $(BIN)/python -m elastomer_truth check $(ONLY)
 
-benchmark: $(READY_BENCH) benchmark-data  ## run all methods on them, score, and write docs/benchmark.md; half an hour of CPU time
+benchmark: $(READY_BENCH) benchmark-data  ## run all methods on them, score, and write the tables of three pages; 100 minutes of CPU time
 	@$(BENCHMARK) .venv-bench/bin/python -m elastomer_truth run $(ONLY)
-	@$(BENCHMARK) .venv-bench/bin/python -m elastomer_truth score $(ONLY) --page docs/benchmark.md
+	@$(BENCHMARK) .venv-bench/bin/python -m elastomer_truth score $(ONLY) \
+		--page docs/benchmark.md --page docs/validation.md --page docs/faults.md
+
+validate: benchmark  ## the former name of make benchmark
 
 faults: $(READY) strace  ## errors, a full disk and kills at every call of two commands; 20 CPU minutes, goes on where it was
 	@$(BIN)/python -m tests.faults

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tests.faulty import change, copy, drop_out, exchange, invert_v2
 from tests.sources import modules, name_of, nodes_of
 
 from fourpole.campaign.row import condition_words
@@ -14,7 +15,7 @@ from fourpole.core.joint.misfit import Candidate
 from fourpole.errors import Message
 from fourpole.study import analysis
 from fourpole.study.selection import select_tables
-from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 pytestmark = pytest.mark.thorough
 
@@ -102,36 +103,55 @@ def words_in(value, names):
     return [text for part in (value.values() if isinstance(value, dict) else value) for text in words_in(part, names)]
 
 
+def loose_and_zero(folder):
+    """Another gain of V1 in one test, another zero of the load, and drop-outs of V2."""
+    change(folder, "V1", lambda v: 1.2 * v, ["D5"])
+    change(folder, "F", lambda load: load + 150.0)
+    change(folder, "V2", drop_out)
+
+
+def exchanged_and_clipped(folder):
+    """Two recordings of other pressures and two static tests exchanged; F1 [kN] clipped softly."""
+    exchange(folder, "D2", "D5")
+    exchange(folder, "S1", "S2")
+    change(folder, "F1", lambda force: 0.5 * np.tanh(force / 0.5))
+
+
+def copied(folder):
+    """The recording of a test filed for its repeat, too."""
+    copy(folder, "D2", "D8")
+
+
+def inverted_and_mislabelled(folder):
+    """V2 with the other sign, and a wrong pressure of one test."""
+    invert_v2(folder)
+    rows = (folder / "tests.csv").read_text()
+    (folder / "tests.csv").write_text(
+        rows.replace("D2,recordings/D2.csv,dynamic,radial-ply,1.35", "D2,recordings/D2.csv,dynamic,radial-ply,2.05")
+    )
+
+
 @pytest.mark.parametrize(
-    ("route", "faults"),
+    ("route", "faulty", "rig_error"),
     [
-        ("joint", ("one test: gain of V1, +20 %", "static test: zero of the load, +150 N", "drop-outs of V2, 4 %")),
-        (
-            "mobility",
-            (
-                "two tests: labels of pressure swapped",
-                "soft clipping of F1, at 500 N",
-                "static test: labels of two swapped",
-            ),
-        ),
-        (
-            "mobility",
-            ("moving mass, +1 kg", "amplitude-dependent tyre, 20 %", "two tests: the same recording, of a repeat"),
-        ),
-        ("joint", ("V2 with the other sign", "one test: wrong pressure in its row, 2.05 for 1.35 bar")),
+        ("joint", loose_and_zero, {}),
+        ("mobility", exchanged_and_clipped, {}),
+        ("mobility", copied, {"moving_mass": 1 / 15}),
+        ("joint", inverted_and_mislabelled, {}),
     ],
 )
-def test_values_of_checks_are_numbers_names_codes_and_errors(route, faults, tmp_path, monkeypatch):
+def test_values_of_checks_are_numbers_names_codes_and_errors(route, faulty, rig_error, tmp_path, monkeypatch):
     """Laboratories with faults, one of whose recordings is no table, and one of whose static tests is missing.
 
-    The rig contradicts its statement by the sign of V2, which is quickly found; the others have 22 checks or more.
+    Each campaign has checks of 23 codes.
     """
     seen = []
     monkeypatch.setattr(analysis, "select_tables", lambda *given: seen.append(given) or select_tables(*given))
     made = simulate_campaign(
         tmp_path / "made", tyres=[RADIAL_PLY], pressures=[135e3, 205e3], preloads=[1000.0],
-        frequencies=[11.0, 14.0, 17.0], repeats=2, faults=[FAULTS[fault] for fault in faults],
+        frequencies=[11.0, 14.0, 17.0], repeats=2, rig_error=rig_error,
     )  # fmt: skip
+    faulty(made.folder)
     (made.folder / "recordings" / "D3.csv").write_text("t,F1,V1,V2\n0,1,2,x\n")
     (made.folder / "recordings" / "S2.csv").unlink()
     study = analysis.analyse(made.folder, route=route)

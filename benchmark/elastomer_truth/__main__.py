@@ -14,12 +14,10 @@ import polars as pl
 
 from elastomer_truth.adapters import METHODS, Answer, method
 from elastomer_truth.drawing import names
-from elastomer_truth.page import page, report
-from elastomer_truth.score import KEY, NUMBERS, read_answers, read_truth, score
+from elastomer_truth.page import OWN, PAGES, page
+from elastomer_truth.score import KEY, NUMBERS, read_answers, read_laboratories, read_truth, score
 from elastomer_truth.write import checksum, make, write_rows
 
-#: Methods that run only where they are named: each analyses all recordings once more.
-SLOW = ("fourpole mobility", "fourpole relative", "fourpole transmissibility")
 HERE = Path(__file__).resolve().parents[1]
 #: Marks of a page between which the tables stand.
 BEGIN, END = "<!-- begin: made by make benchmark -->", "<!-- end: made by make benchmark -->"
@@ -33,15 +31,13 @@ def main(arguments: list[str] | None = None) -> int:
         "names", nargs="*", metavar="NAME", help="campaigns, as H001, or the start of several; by default all"
     )
     parser.add_argument("--work", type=Path, default=HERE / "work", help="folder of data, truth and results")
-    parser.add_argument(
-        "--method",
-        action="append",
-        choices=list(METHODS),
-        help="by default all that are installed, but for three routes of Fourpole",
-    )
+    parser.add_argument("--method", action="append", choices=list(METHODS), help="by default all that are installed")
     parser.add_argument("--clean", action="store_true", help="make: no noise of sensors, and words of any length")
-    parser.add_argument("--page", type=Path, help="score: a page that gets the tables between its marks")
-    asked = parser.parse_args(arguments)
+    parser.add_argument(
+        "--page", type=Path, action="append", default=[],
+        help=f"score: a page that gets the tables of its name between its marks: {', '.join(PAGES)}; may be repeated",
+    )  # fmt: skip
+    asked = parser.parse_intermixed_args(arguments)
     chosen = [name for name in names() if not asked.names or name.startswith(tuple(asked.names))]
     if not chosen:
         parser.error(f"{' '.join(asked.names)}: no name of a campaign starts so; names are H001 to F060")
@@ -74,7 +70,7 @@ def _check(asked: argparse.Namespace, chosen: list[str]) -> int:
 
 
 def _run(asked: argparse.Namespace, chosen: list[str]) -> int:
-    for name in asked.method or [name for name in METHODS if name not in SLOW]:
+    for name in asked.method or METHODS:
         try:
             answer = method(name)
         except ImportError as error:
@@ -115,10 +111,11 @@ def _gather(folder: Path) -> None:
             (part.stem, *(_text(row.get(head)) for head in (*KEY[1:], *NUMBERS, "verdict"))) for row in found["values"]
         ]
         causes += [
-            (part.stem, *(row[head] for head in ("rank", "cause", "channel or part"))) for row in found["causes"]
+            (part.stem, *(row.get(head, "") for head in ("rank", "cause", "channel or part", "said")))
+            for row in found["causes"]
         ]
     write_rows(folder / "values.csv", (*KEY, *NUMBERS, "verdict"), values)
-    write_rows(folder / "causes.csv", ("campaign", "rank", "cause", "channel or part"), causes)
+    write_rows(folder / "causes.csv", ("campaign", "rank", "cause", "channel or part", "said"), causes)
 
 
 def _text(value: object) -> object:
@@ -126,13 +123,15 @@ def _text(value: object) -> object:
 
 
 def _score(asked: argparse.Namespace, chosen: list[str]) -> int:
-    """Score all results that are there; score.csv and score.md are written beside them."""
+    """Score all results that are there; score.csv and score.md are written beside them, and tables into pages."""
     truth = read_truth(asked.work / "truth", chosen)
     results = asked.work / "results"
     methods = {name.replace(" ", "-"): name for name in asked.method or METHODS}
     others = sorted({path.name for path in results.iterdir() if path.is_dir()} - methods.keys())
     found = {}
     for folder in [*methods, *(others if asked.method is None else ())]:
+        if (results / folder / "parts").is_dir():  # of a run that was stopped, too
+            _gather(results / folder)
         if (results / folder).is_dir():
             values, causes = read_answers(results / folder)
             # A method is scored on the campaigns that it was run on.
@@ -140,20 +139,28 @@ def _score(asked: argparse.Namespace, chosen: list[str]) -> int:
             own = [table.filter(pl.col("campaign").is_in(run)) for table in truth]
             if own[0].height:
                 found[methods.get(folder, folder)] = score((own[0], own[1]), (values, causes))
+    if not found or (asked.page and OWN not in found):
+        raise SystemExit(f"{results}: no results of {OWN if asked.page else 'any method'}; run it first")
     pl.concat(
         [one.table.insert_column(0, pl.lit(name).alias("method")) for name, one in found.items()],
         how="vertical_relaxed",
     ).write_csv(results / "score.csv")
-    text = report(found)
-    (results / "score.md").write_text(text, encoding="utf-8")
-    if asked.page is not None:
-        before, begin, rest = asked.page.read_text(encoding="utf-8").partition(BEGIN)
-        _, end, after = rest.partition(END)
-        if not (begin and end):
-            raise SystemExit(f"{asked.page}: the marks {BEGIN} and {END} are missing; put them where the tables belong")
-        asked.page.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
+    (results / "score.md").write_text(page(found), encoding="utf-8")
+    laboratories = read_laboratories(asked.work / "truth", truth[0]["campaign"].unique())
+    for path in asked.page:
+        if path.stem not in PAGES:
+            raise SystemExit(f"{path}: no tables for a page of this name; pages are {', '.join(PAGES)}")
+        _between_marks(path, PAGES[path.stem](found, laboratories))
     print(page(found))
     return 0
+
+
+def _between_marks(path: Path, text: str) -> None:
+    before, begin, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise SystemExit(f"{path}: the marks {BEGIN} and {END} are missing; put them where the tables belong")
+    path.write_text(f"{before}{BEGIN}\n\n{text}\n{END}{after}", encoding="utf-8")
 
 
 def _say(text: str) -> None:

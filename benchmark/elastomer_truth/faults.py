@@ -194,6 +194,31 @@ FAULTS: dict[str, tuple[str, str, tuple[float, ...], Apply, Callable[[Laboratory
 }
 
 
+#: Unit of a size, and units per SI unit; other sizes are shares.
+_UNITS = {
+    "preload damping": ("N s/m", 1.0), "input mass": ("kg", 1.0), "guide friction": ("N", 1.0),
+    "low-cut of V1": ("Hz", 1.0), "heating": ("K", 1.0), "one test: mass left on": ("kg", 1.0),
+    "frame in the deflection": ("mm/kN", 1e6), "soft frame": ("times the spring", 1.0),
+    **dict.fromkeys(("F1 late", "V1 late", "V2 late", "trigger of V2 jitters"), ("ms", 1e3)),
+}  # fmt: skip
+#: Faults whose size says nothing.
+_WHOLE = ("F1 in kgf", "V2 with the other sign", "one test: file of another", "two files exchanged")
+
+
+def sized(name: str, size: float) -> str:
+    """The size of a fault in words; blank for one that has none.
+
+    Examples
+    --------
+    >>> sized("gain of F1", -0.08), sized("V1 late", 5e-4)
+    ('-8 %', '0.5 ms')
+    """
+    if name in _WHOLE:
+        return ""
+    unit, factor = _UNITS.get(name, ("", 1.0))
+    return f"{factor * size:g} {unit}" if unit else f"{100 * size:+g} %"
+
+
 def add_faults(rng: np.random.Generator, lab: Laboratory) -> None:
     """One fault, or in each third laboratory two."""
     able = [name for name, (*_, where, _linear) in FAULTS.items() if where(lab)]

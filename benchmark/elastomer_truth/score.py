@@ -2,11 +2,14 @@
 
 A method hands in two tables. ``values.csv`` has the columns campaign, test, frequency [Hz], quantity, value, lower,
 upper, u, verdict; lower and upper are the ends of a 95 % interval, and verdict is ok, warning or rejected.
-``causes.csv`` has campaign, rank, cause, channel or part.
+``causes.csv`` has campaign, rank, cause, channel or part; a row of rank 0 may have in
+``said`` what the method says in words.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,11 +29,21 @@ _DRAWS = 2000
 
 @dataclass(frozen=True)
 class Score:
-    """What a method scored: a row for each tier and quantity, and the values that are wrong with confidence."""
+    """What a method scored.
+
+    Attributes
+    ----------
+    table, wrong, causes : DataFrame
+        A row for each tier and quantity; the values that are wrong with confidence; the judgement on each campaign.
+    rows, faults : DataFrame
+        All values that are asked for, with the errors; the faults of all campaigns.
+    """
 
     table: pl.DataFrame
     wrong: pl.DataFrame
     causes: pl.DataFrame
+    rows: pl.DataFrame
+    faults: pl.DataFrame
 
 
 def read_truth(folder: Path, chosen: list[str] | None = None) -> tuple[pl.DataFrame, pl.DataFrame]:
@@ -47,6 +60,18 @@ def read_truth(folder: Path, chosen: list[str] | None = None) -> tuple[pl.DataFr
     return tables[0], tables[1]
 
 
+def read_laboratories(folder: Path, chosen: Iterable[str]) -> pl.DataFrame:
+    """Rig, kind of the specimens and kinds of the recordings of some campaigns, in words."""
+    found = []
+    for name in chosen:
+        lab = json.loads((folder / name / "laboratory.json").read_text(encoding="utf-8"))
+        kinds = [test["kind"] for test in lab["tests"]]
+        recordings = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        specimen = ", ".join({one["kind"]: 0 for one in lab["specimens"].values()})
+        found.append((name, lab["rig"], specimen, recordings))
+    return pl.DataFrame(found, schema=["campaign", "rig", "specimen", "recordings"], orient="row")
+
+
 def read_answers(folder: Path) -> tuple[pl.DataFrame, pl.DataFrame]:
     """values.csv and causes.csv of a method; an error names the file and what is wrong."""
     tables = []
@@ -60,7 +85,9 @@ def read_answers(folder: Path) -> tuple[pl.DataFrame, pl.DataFrame]:
         table = pl.read_csv(path, infer_schema=False)
         if missing := [head for head in heads if head not in table.columns]:
             raise ValueError(f"{path}: the columns {', '.join(missing)} are missing")
-        tables.append(table.select(heads))
+        words = ["said"] if name == "causes.csv" else []
+        table = table.with_columns(pl.lit("").alias(head) for head in words if head not in table.columns)
+        tables.append(table.select(*heads, *words))
     number = pl.col("frequency [Hz]", *NUMBERS).cast(pl.Float64, strict=False)
     return tables[0].with_columns(number), tables[1].with_columns(pl.col("rank").cast(pl.Int64))
 
@@ -83,7 +110,7 @@ def score(truth: tuple[pl.DataFrame, pl.DataFrame], answers: tuple[pl.DataFrame,
             continue
         for quantity in ("all", *own["quantity"].unique(maintain_order=True)):
             part = own if quantity == "all" else own.filter(pl.col("quantity") == quantity)
-            table.append({"tier": tier, "quantity": quantity, "of": count, **_summary(part)})
+            table.append({"tier": tier, "quantity": quantity, "of": count, **summary(part)})
             if quantity == "all":
                 named = judged.filter(pl.col("tier") == tier)["judgement"].to_list()
                 table[-1] |= {f"causes {word}": named.count(word) for word in ("right", "fair", "wrong", "none")}
@@ -98,7 +125,7 @@ def score(truth: tuple[pl.DataFrame, pl.DataFrame], answers: tuple[pl.DataFrame,
         .agg(pl.col("tier", "faults", "unseen", "test", "frequency [Hz]", "off").first(), pl.len().alias("values"))
         .select("tier", "campaign", "faults", "unseen", "quantity", "values", "off", "test", "frequency [Hz]")
     )  # fmt: skip
-    return Score(pl.DataFrame(table, infer_schema_length=None), wrong, judged)
+    return Score(pl.DataFrame(table, infer_schema_length=None), wrong, judged, rows, faults)
 
 
 def _joined(truth: pl.DataFrame, answers: pl.DataFrame) -> pl.DataFrame:
@@ -138,7 +165,7 @@ def _joined(truth: pl.DataFrame, answers: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _summary(rows: pl.DataFrame) -> dict[str, float | int | None]:
+def summary(rows: pl.DataFrame) -> dict[str, float | int | None]:
     """The numbers of one tier and quantity; those that need an uncertainty are blank without one."""
     bounded = rows.filter(pl.col("bounded"))
     by_campaign = rows.group_by("campaign", maintain_order=True).agg(
@@ -187,8 +214,9 @@ def _judged(faults: pl.DataFrame, named: pl.DataFrame, rows: pl.DataFrame) -> pl
             judgement = "right"
         else:
             judgement = "fair" if set(said) & ({*true} | alike) else "wrong"
-        judged.append((tier_of(campaign), campaign, ", ".join(true), ", ".join(said), judgement))
-    heads = ["tier", "campaign", "true", "named", "judgement"]
+        words = "; ".join(named.filter(pl.col("campaign") == campaign, pl.col("rank") == 0)["said"].drop_nulls())
+        judged.append((tier_of(campaign), campaign, ", ".join(true), ", ".join(said), judgement, words))
+    heads = ["tier", "campaign", "true", "named", "judgement", "said"]
     return pl.DataFrame(judged, schema=heads, orient="row", infer_schema_length=None)
 
 

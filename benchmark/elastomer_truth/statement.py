@@ -88,6 +88,15 @@ class Campaign:
             found[role] = complex(real, imaginary) / complex(self.correction(role, frequency))
         return found
 
+    def noise(self, test: dict[str, str], role: str) -> float:
+        """Standard deviation of an amplitude [N], [m], by what a sine leaves of the recording; at least 1e-5 of it."""
+        values, frequency = self.signals(test)[role], float(test["frequency [Hz]"])
+        turn = 2 * np.pi * frequency * np.arange(values.size) / self.rate
+        basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
+        fit = np.linalg.lstsq(basis, values, rcond=None)[0]
+        spread = float((values - basis @ fit).std()) * np.sqrt(2 / values.size)
+        return float(max(spread, 1e-5 * np.hypot(*fit[:2])) / abs(self.correction(role, frequency)))
+
     def impedance(self, frequency: Any, added: float) -> Any:
         """Force over displacement of the rig beyond the specimen [N/m], by what is stated."""
         w = 2 * np.pi * np.asarray(frequency, dtype=float)

@@ -1,10 +1,14 @@
 """The scorer, on a hand-made perfect table and a hand-made wrong one."""
 
+import json
+
 import polars as pl
 import pytest
 
+from elastomer_truth import __main__ as command
 from elastomer_truth.drawing import names, tier_of
-from elastomer_truth.page import failures, page
+from elastomer_truth.faults import sized
+from elastomer_truth.page import PAGES, failures, page
 from elastomer_truth.score import read_answers, read_truth, score
 
 pytestmark = pytest.mark.thorough
@@ -26,6 +30,8 @@ def truth(tmp_path):
         (folder / "values.csv").write_text("\n".join(["campaign,test,frequency [Hz],quantity,truth", *rows]))
         fault = ",".join([name, *causes[name][:3], "0.06", causes[name][3]]) if name in causes else ""
         (folder / "causes.csv").write_text(f"campaign,fault,cause,channel or part,size,alike\n{fault}\n")
+        laboratory = {"rig": "paper", "specimens": {"A": {"kind": "belt"}}, "tests": [{"kind": "sine"}]}
+        (folder / "laboratory.json").write_text(json.dumps(laboratory))
     return read_truth(tmp_path / "truth")
 
 
@@ -100,6 +106,60 @@ def test_blanks_and_values_without_uncertainty_are_scored_on_error(truth, tmp_pa
     assert row["confident wrong values"] is None
     # 2 % of K' over |K*|, 2 % of K'', 2 % of TR.
     assert row["median error"] == pytest.approx(0.0199, abs=1e-4)
+
+
+@pytest.fixture
+def pages(truth, tmp_path):
+    """Three pages, and answers of Fourpole in which TR of F001 is 5 u off and a cause of H002 is named."""
+
+    def change(row):
+        return row | {"value": 1.05 * row["value"]} if (row["campaign"], row["quantity"]) == ("F001", "TR") else row
+
+    own = tmp_path / "results" / "fourpole-joint"
+    own.mkdir(parents=True)
+    answers(own, change, [("F001", 1, "delay", "V1"), ("F001", 2, "gain", "V1"), ("H002", 1, "drift", "specimen")])
+    said = (own / "causes.csv").read_text().replace("\n", ",\n").replace("part,\n", "part,said\n", 1)
+    (own / "causes.csv").write_text(f"{said},\nF001,0,,,a gain of V1 of 1.06 moves |K*|\n")
+    for name in PAGES:
+        (tmp_path / f"{name}.md").write_text(f"before\n{command.BEGIN}\nold\n{command.END}\nafter\n")
+    return tmp_path
+
+
+def test_three_pages_have_their_tables(pages, capsys):
+    options = [part for name in PAGES for part in ("--page", str(pages / f"{name}.md"))]
+    assert command.main(["score", "--work", str(pages), *options]) == 0
+    assert "| fourpole joint | faulty | 2 of 60 |" in capsys.readouterr().out
+    texts = {name: (pages / f"{name}.md").read_text() for name in PAGES}
+    for text in texts.values():
+        assert text.startswith("before\n")
+        assert text.endswith("\nafter\n")
+        assert "old" not in text.split()
+    assert "| gain of V1 | faulty | F001 | TR | 1 | +5.0 | D1 | 12.07 |" in texts["benchmark"]
+    assert (
+        "| honest | 2 of 80 | all but coverage, rms z |" in texts["validation"]
+    )  # with errors of nothing, the intervals are too wide
+    assert "| faulty | paper | 2 |" in texts["validation"]
+    assert "| honest | 2 | 1 | 0 |" in texts["faults"]
+    other, row = [line for line in texts["faults"].splitlines() if "paper; belt; 1 sine" in line]
+    said = "a gain of V1 of 1.06 moves \\|K\\*\\| | delay V1, gain V1 | fair | 3 of 3 | 1 | 5.0"
+    assert row == f"| gain of V1, +6 % | {said} |  | F001 | paper; belt; 1 sine |"
+    assert other == "| gain of F1, +6 % † | nothing |  | fair | 3 of 3 | 0 | 0.0 |  | F002 | paper; belt; 1 sine |"
+
+
+def test_a_page_without_tables_is_refused(pages):
+    (pages / "faults.md").write_text("no marks")
+    (pages / "other.md").write_text("")
+    for name, said in (("faults", "the marks"), ("other", "no tables for a page of this name")):
+        with pytest.raises(SystemExit, match=said):
+            command.main(["score", "--work", str(pages), "--page", str(pages / f"{name}.md")])
+    with pytest.raises(SystemExit, match="no results of fourpole joint"):
+        command.main(["score", "--work", str(pages), "--method", "paper", "--page", str(pages / "benchmark.md")])
+
+
+def test_sizes_of_faults_have_their_unit():
+    assert sized("gain of F1", -0.08) == "-8 %"
+    assert sized("V1 late", 5e-4) == "0.5 ms"
+    assert sized("F1 in kgf", -0.9) == ""
 
 
 def test_a_table_without_a_column_is_refused(tmp_path):

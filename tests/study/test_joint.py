@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from tests.faulty import invert_v2
 
 from fourpole.core.routes import maxwell_arm
 from fourpole.study import analyse
 from fourpole.study.results import read_results
-from fourpole.virtual import CROSS_PLY, FAULTS, RADIAL_PLY, simulate_campaign
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 from fourpole.words import cause_words
 
 pytestmark = pytest.mark.thorough
@@ -387,8 +388,9 @@ def test_an_inverted_v2_beside_a_weighed_mass_is_named_and_no_row_is_used(tmp_pa
     """The search for each test's own departure is lost there: its steps must stay numbers."""
     made = simulate_campaign(
         tmp_path, seed=3, pressures=[135e3, 205e3], preloads=[1000.0, 2000.0], frequencies=[10.0, 14.0, 18.0, 24.0],
-        added_masses=(0.0, 10.0), faults=[FAULTS["V2 with the other sign"]],
+        added_masses=(0.0, 10.0),
     )  # fmt: skip
+    invert_v2(made.folder)
     found = analyse(made.folder)
     assert set(found.dynamic["verdict"]) == {"rejected"}
     assert any("V2 with its sign inverted" in note for note in found.notes)

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.faulty import drifting
 
 from fourpole.core.checks import Check, Code, Verdict, reported
 from fourpole.study.analysis import analyse
 from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.rig_solution import with_recordings
-from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
+from fourpole.virtual.plan import plan_tests
 
 FITTED = RigEstimate("", chi2=900.0, dof=100.0)
 MISFIT, LOST = replace(FITTED, fits=False), replace(FITTED, converged=False, reason="no step helps")
@@ -48,16 +50,8 @@ def test_a_solution_that_does_not_converge_says_what_the_recordings_show_and_wha
 @pytest.mark.sampled(2)
 def test_a_drift_is_noted_or_stands_in_a_tie_with_an_error_of_a_sensor(tmp_path, plan):
     """Each test without the mass is followed by that with it: V1 0.5 ms late looks as a drift of 1 % does."""
-    laboratory = {"tyres": [RADIAL_PLY], "pressures": (170e3,), "preloads": (1000.0,)}
-    frequencies = np.linspace(10.0, 24.0, 8).tolist()
-    simulate_campaign(
-        tmp_path / "one",
-        seed=3,
-        faults=[FAULTS["drift over the run, +5 %"]],
-        frequencies=frequencies,
-        **laboratory,
-        **plan,
-    )
+    tests = plan_tests([RADIAL_PLY], [170e3], [1000.0], np.linspace(10.0, 24.0, 8).tolist(), **plan)
+    simulate_campaign(tmp_path / "one", seed=3, preloads=[1000.0], tests=drifting(tests, 0.05))
     study = analyse(tmp_path / "one")
     (rig,) = study.rigs
     alone = rig.fits and NoteCode.DRIFT in rig.notes

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
+from tests.faulty import scattering
 
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.belts import found_specimens
@@ -22,13 +23,12 @@ from fourpole.virtual import (
     Conditions,
     Laboratory,
     ModelTyre,
-    Rocking,
     Rod,
     run,
     simulate_campaign,
     simulate_phasors,
 )
-from fourpole.virtual.faults import scatter
+from fourpole.virtual.plan import plan_tests
 
 pytestmark = pytest.mark.thorough
 
@@ -38,7 +38,6 @@ BENCHES = {
     "all parts": Bench(
         preload_damping=15.0, tyre_mass=0.8, frame_stiffness=4e6, preload_loss_factor=0.03, input_mass=0.5
     ),
-    "rocking": Bench(preload_damping=15.0, rocking=Rocking()),
 }
 #: What a cubic between 10 000 points per second loses of a sine of 24 Hz, and its acceleration at a mass in a step.
 HELD, FOLLOWING = (2 * np.pi * 24.0 * 1e-4) ** 4 / 384, (2 * np.pi * 24.0 * 1e-4) ** 2 / 12
@@ -51,9 +50,6 @@ def eliminated(springs, masses, bench, frequency):
     above = bench.preload_stiffness * (1 + 1j * bench.preload_loss_factor) + 1j * omega * bench.preload_damping
     above = 1 / (1 / above + 1 / bench.frame_stiffness)
     above -= omega**2 * (bench.mass + bench.tyre_mass)
-    if bench.rocking is not None:
-        own, turn = 2 * np.pi * bench.rocking.frequency, bench.rocking
-        above = 1 / (1 / above + turn.tyre_arm**2 / turn.inertia / (own**2 + 1j * turn.loss * own * omega - omega**2))
     forces = np.diag([*(-(omega**2) * np.array([bench.input_mass, *masses])), above])
     for at, spring in enumerate(springs):
         forces[at : at + 2, at : at + 2] += spring * np.array([[1, -1], [-1, 1]])
@@ -146,10 +142,10 @@ def test_a_campaign_of_a_cars_tyre_is_found(car):
 @pytest.mark.sampled(8)
 def test_a_belt_is_found_though_k_star_scatters_from_repeat_to_repeat(tmp_path):
     """With one mass; the scatter of 0.1 % is ten times what the noise makes of K*."""
+    tests = plan_tests(BELTED[1:], [170e3], [1000.0], np.arange(10.0, 25.0, 2.0).tolist(), repeats=3)
     made = simulate_campaign(
-        tmp_path, seed=1002, tyres=BELTED[1:], pressures=[170e3], preloads=[1000.0], repeats=3, faults=[scatter(1e-3)],
+        tmp_path, seed=1002, preloads=[1000.0], tests=scattering(tests, 1e-3),
         sensors=(5e-3, np.radians(0.5)), rig_std={"moving_mass": 0.3, "preload_stiffness": 250.0},
-        frequencies=np.arange(10.0, 25.0, 2.0).tolist(),
     )  # fmt: skip
     study = analyse(made.folder)
     assert study.counts == {"ok": 25, "warning": 0, "rejected": 0}
@@ -216,10 +212,6 @@ def test_a_rod_has_its_first_frequency(tmp_path):
         (lambda: Belt(7.0, share=-0.2), "must be > 0"),
         (lambda: Rod(0.4, points=0), "at least one point"),
         (lambda: Belt(7.0, 2.0, constant_rim=True).laden(RUBBER_MOUNT.element(10.0, 0.0, 1.0)), "must be stiffer"),
-        (
-            lambda: run(Cam(10.0), Belt(7.0).laden(CAR_TYRE.element(10.0, 2e5, 1e3)), Bench(), duration=0.1, cubic=1e9),
-            "no cubic force",
-        ),
         (lambda: Conditions(10.0, belt_mass=-1.0).spread(), "must be > 0"),
         (lambda: Conditions(10.0, belt_share=0.0).spread(), "must be > 0"),
     ],

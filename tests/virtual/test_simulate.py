@@ -1,5 +1,6 @@
 """The folder that a virtual campaign leaves: its contract, its truth, its manners."""
 
+import hashlib
 import itertools
 import tomllib
 
@@ -24,6 +25,20 @@ def full(tmp_path_factory):
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory):
     return simulate_campaign(tmp_path_factory.mktemp("clean"), clean=True, **SMALL).folder
+
+
+def test_a_campaign_is_the_one_it_always_was(tmp_path):
+    """The samples are steps of a converter, so that round-off cannot change them."""
+    plan = {"pressures": [170e3], "preloads": [1000.0], "frequencies": [10.0, 14.0, 18.0, 24.0]}
+    made = simulate_campaign(tmp_path, tyres=[RADIAL_PLY], **plan)
+    digests = [hashlib.sha256((made.folder / "recordings" / f"{test}.csv").read_bytes()) for test in ("D1", "S1")]
+    assert [digest.hexdigest()[:16] for digest in digests] == ["4fcc56b34c3e2e2d", "e6cff960e2188a2b"]
+
+
+def test_faults_are_made_elsewhere(tmp_path):
+    with pytest.raises(ValueError, match=r"faults= has left simulate_campaign.*docs/benchmark\.md"):
+        simulate_campaign(tmp_path / "new", faults=["moving mass, +1 kg"])
+    assert not (tmp_path / "new").exists()
 
 
 def contents(folder):

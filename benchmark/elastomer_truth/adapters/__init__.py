@@ -1,7 +1,8 @@
 """Methods by name; each is a function from a campaign's folder to rows of values.csv and causes.csv.
 
 A row of values has test, frequency [Hz], quantity, value, verdict, and lower, upper and u if the method has an
-uncertainty. A row of causes has rank, cause, and channel or part.
+uncertainty. A row of causes has rank, cause, and channel or part; one of rank 0 may have in `said`
+what the method says.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ METHODS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "pyFRF": ("with_pyfrf", (), "pyFRF"),
     "ISO 10846-3": ("iso10846", (), ""),
     "lmfit": ("with_lmfit", (), "lmfit"),
+    "emcee": ("with_emcee", (), "emcee"),
     **{
         f"fourpole {route}": ("with_fourpole", (route,), "fourpole")
         for route in ("joint", "mobility", "relative", "transmissibility")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from elastomer_truth.adapters.fourpole_said import said
+
 #: Starts of the source of a cause in study.json, with the cause; the channel is the word after it.
 _OF_CHANNEL = {
     "gain drift": "gain drift",
@@ -78,7 +80,8 @@ def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str
         if check["code"] in _STATIC:
             found.append(_STATIC[check["code"]])
     ranked = list(dict.fromkeys(found))[:3]
-    return [{"rank": at, "cause": cause, "channel or part": part} for at, (cause, part) in enumerate(ranked, 1)]
+    rows = [{"rank": at, "cause": cause, "channel or part": part} for at, (cause, part) in enumerate(ranked, 1)]
+    return rows + said(study, bad)
 
 
 def _cause(candidate: dict[str, Any]) -> tuple[str, str] | None:

@@ -39,15 +39,8 @@ def campaign_toml(campaign: Campaign) -> str:
     lines += ["", "[logger]", f"simultaneous = {str(campaign.stated['logger']['simultaneous']).lower()}"]
     drift = [one.get("u_of_drift_over_the_run_relative", 0.0) for one in campaign.stated["specimens"].values()]
     if complete:
-        lines += [
-            "",
-            "[unstated]",
-            'ordinary = "zero"',
-            "",
-            "[conditions]",
-            f"std_drift = {max(drift)}",
-            "std_block = 0.0",
-        ]
+        lines += ["", "[unstated]", 'ordinary = "zero"']
+        lines += ["", "[conditions]", f"std_drift = {max(drift)}", "std_block = 0.0"]
     for name, specimen in campaign.stated["specimens"].items():
         belt = specimen.get("form", "").startswith("one mass")
         lines += ["", f'[{"tyres" if belt else "specimens"}."{name}"]']

@@ -13,23 +13,13 @@ from elastomer_truth.adapters import Answer
 from elastomer_truth.statement import Campaign, read, static_stiffness
 
 
-def _noise(campaign: Campaign, test: dict[str, str], role: str, frequency: float) -> float:
-    """Standard deviation of an amplitude, by what a sine leaves of the recording, at least 1e-5 of it."""
-    values = campaign.signals(test)[role]
-    turn = 2 * np.pi * frequency * np.arange(values.size) / campaign.rate
-    basis = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=1)
-    fit = np.linalg.lstsq(basis, values, rcond=None)[0]
-    spread = float((values - basis @ fit).std()) * math.sqrt(2 / values.size)
-    return max(spread, 1e-5 * float(np.hypot(*fit[:2]))) / abs(complex(campaign.correction(role, frequency)))
-
-
-def _fit(campaign: Campaign, test: dict[str, str], frequency: float) -> list[tuple[str, float, float]]:
+def _fit(campaign: Campaign, test: dict[str, str]) -> list[tuple[str, float, float]]:
     """K', K'' and TR with their standard uncertainties."""
     measured = campaign.phasors(test)
     roles = [role for role in ("F1", "V1", "V2") if role in measured]
     first = measured["F1"] / (measured["V1"] - measured.get("V2", 0.0))
     scale = abs(first)
-    noise = {role: _noise(campaign, test, role, frequency) for role in roles}
+    noise = {role: campaign.noise(test, role) for role in roles}
     parameters = lmfit.Parameters()
     parameters.add("re", first.real / scale)
     parameters.add("im", first.imag / scale)
@@ -72,7 +62,7 @@ def answer(folder: Path) -> Answer:
             gains = [campaign.stated["sensors"][role]["u_gain_relative"] for role in ("load", "deflection")]
             found = [("K1", value, value * math.hypot(*gains))]
         elif test["kind"] == "sine":
-            found = _fit(campaign, test, float(test["frequency [Hz]"]))
+            found = _fit(campaign, test)
             found += [(f"k21{name[1:]}", value, u) for name, value, u in found[:2]]
         else:
             continue

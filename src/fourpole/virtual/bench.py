@@ -1,14 +1,13 @@
-"""The rig above the tyre as equations of motion: moving mass, leaf spring, frame, a mass that rocks."""
+"""The rig above the tyre as equations of motion: moving mass, leaf spring, frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isinf
-from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import FloatArray
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.inertia import Laden
 
@@ -50,27 +49,6 @@ class Zener:
 
 
 @dataclass(frozen=True)
-class Rocking:
-    r"""A moving mass that turns about its centre of gravity, because the tyre pushes beside it.
-
-    .. math:: J\,\ddot\theta = r_t F - k_\theta\,\theta - c_\theta\,\dot\theta, \qquad k_\theta = J (2\pi f)^2
-
-    Parameters
-    ----------
-    inertia, frequency, loss : float [kg m^2], [Hz], [1]
-        J, and the frequency f and loss factor of the guide that holds the mass upright; all > 0.
-    tyre_arm, sensor_arm : float [m]
-        Distance of the tyre and of the sensor V2 from the centre of gravity.
-    """
-
-    inertia: float = 0.25
-    frequency: float = 35.0
-    loss: float = 0.05
-    tyre_arm: float = 0.03
-    sensor_arm: float = 0.06
-
-
-@dataclass(frozen=True)
 class Bench:
     r"""The rig above the tyre: a moving mass, with a leaf spring and a damper to a fixed foundation.
 
@@ -89,8 +67,6 @@ class Bench:
         Coulomb friction F_f between the moving mass and the foundation; >= 0.
     input_mass : float [kg]
         Mass between force cell and contact, whose inertia is part of F1; >= 0.
-    rocking : Rocking, optional
-        How the moving mass rocks; by default it does not.
 
     Examples
     --------
@@ -106,7 +82,6 @@ class Bench:
     preload_loss_factor: float = 0.0
     leaf_friction: float = 0.0
     input_mass: float = 0.0
-    rocking: Rocking | None = None
 
     def damped_at(self, frequency: float) -> Bench:
         """The bench with its loss factor replaced by a damper of the same loss at `frequency` [Hz]."""
@@ -114,11 +89,6 @@ class Bench:
             return self
         structural = self.preload_stiffness * self.preload_loss_factor / (2.0 * np.pi * frequency)
         return replace(self, preload_damping=self.preload_damping + structural, preload_loss_factor=0.0)
-
-    @property
-    def tyre_arm(self) -> float:
-        """Distance of the tyre from the centre of gravity of the moving mass [m]."""
-        return 0.0 if self.rocking is None else self.rocking.tyre_arm
 
     def check(self) -> None:
         """Raise a ValueError if a value is out of its range."""
@@ -150,9 +120,6 @@ def state_matrices(tyre: Element, bench: Bench) -> tuple[FloatArray, FloatArray]
 
         m\,\dot v_2 &= F - K_f x_3 \\
         c_3\,\dot x_3 &= c_3 v_2 + K_3 (x_2 - x_3) - K_f x_3
-
-    For a mass that rocks, its angle and angular velocity are the last states, and the far end of the tyre moves with
-    x2 + r_t theta.
 
     A mass between the springs of a specimen has its own equation of motion. Its states stand after x2 and v2: those of
     the spring before it, its displacement and its velocity, from the contact on.
@@ -191,8 +158,6 @@ def state_matrices(tyre: Element, bench: Bench) -> tuple[FloatArray, FloatArray]
         a[1, -1] = -frame / m
         a[-1, [0, 1, -1]] = k3 / c3, 1.0, -(k3 + frame) / c3
         b = np.pad(b, ((0, 1), (0, 0)))
-    if bench.rocking is not None:
-        a, b = _rocking(a, b, tyre, bench.rocking, m)
     return a + 0.0, b  # the sum changes negative zeros into positive ones
 
 
@@ -202,8 +167,6 @@ def _laden(tyre: Laden, bench: Bench) -> tuple[FloatArray, FloatArray]:
     a, b = state_matrices(last, bench)
     force = np.zeros(a.shape[0])  # of the last spring, per state
     force[:2], force[2 : 2 + last.a.shape[0]] = -last.d, last.c
-    if bench.rocking is not None:
-        force[-2:] = -bench.tyre_arm * last.d
     direct = last.d
     for spring, mass in zip(reversed(tyre.springs[:-1]), reversed(tyre.masses), strict=True):
         z, x, v = slice(2, 2 + spring.a.shape[0]), 2 + spring.a.shape[0], 3 + spring.a.shape[0]
@@ -219,30 +182,6 @@ def _laden(tyre: Laden, bench: Bench) -> tuple[FloatArray, FloatArray]:
         a, b, force, direct = wide, drive, np.zeros(size), spring.d
         force[z], force[node] = spring.c, -spring.d
     return a, b
-
-
-def _rocking(
-    a: FloatArray, b: FloatArray, tyre: StateSpace, rocking: Rocking, mass: float
-) -> tuple[FloatArray, FloatArray]:
-    """The equations of motion with the angle and the angular velocity of the mass as two more states."""
-    size, arm = a.shape[0], rocking.tyre_arm
-    inner = slice(2, 2 + tyre.a.shape[0])
-    a, b = np.pad(a, (0, 2)), np.pad(b, ((0, 2), (0, 0)))
-    force = np.zeros(size + 2)  # of the tyre, per state
-    force[:2], force[inner], force[size:] = -tyre.d, tyre.c, -arm * tyre.d
-    a[1, size:] = -arm * tyre.d / mass
-    a[inner, size:] = -arm * tyre.b
-    omega = 2.0 * np.pi * rocking.frequency
-    a[size, size + 1] = 1.0
-    a[size + 1] = arm * force / rocking.inertia
-    a[size + 1, size:] -= omega * omega, rocking.loss * omega
-    b[size + 1] = arm * tyre.d / rocking.inertia
-    return a, b
-
-
-def moved(states: FloatArray | ComplexArray, arm: float, bench: Bench) -> Any:
-    """Displacement and velocity (2, ...) of the moving mass at a distance `arm` [m] from its centre of gravity."""
-    return states[:2] if bench.rocking is None else states[:2] + arm * states[-2:]
 
 
 def equations(tyre: Zener | StateSpace) -> StateSpace:
@@ -275,4 +214,4 @@ def far_end(tyre: Element, bench: Bench, frequency: float) -> complex:
     a, b = state_matrices(tyre, bench)
     s = 2j * np.pi * frequency
     states = np.linalg.solve(s * np.eye(a.shape[0]) - a, b @ np.array([1.0, s]))
-    return complex(moved(states, bench.tyre_arm, bench)[0])
+    return complex(states[0])

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import ceil, inf, isfinite, isinf
+from math import ceil, isfinite, isinf
 
 import numpy as np
 import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.models.interface import StateSpace
 from fourpole.models.step import cubic_step
-from fourpole.virtual.bench import Bench, Element, equations, far_end, leaf, moved, state_matrices
+from fourpole.virtual.bench import Bench, Element, equations, far_end, leaf, state_matrices
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.inertia import Laden
 
-#: Largest deflection of a cubic tyre, relative to the amplitude that it has without its cubic force.
-_KNEE = 1.3
 #: A transient has decayed after this many time constants: e^-37 is below round-off.
 _SETTLED = 37.0
 #: Largest number of states times steps of a run-up, which is 160 MB.
 _LONGEST = 2e7
 #: The sign of the friction is smoothed over this share of the amplitude that v2 has without friction.
 _SMOOTHED = 0.05
-#: The iteration for forces that are not linear ends if the motion changes by less than this share; most iterations.
+#: The iteration for friction ends if the motion changes by less than this share; most iterations.
 _CONVERGED, _ITERATIONS = 1e-11, 500
 
 
@@ -64,7 +60,6 @@ def run(
     sample_rate: float = 1000.0,
     oversampling: int = 5,
     guard: int = 8,
-    cubic: float = 0.0,
 ) -> Motion:
     r"""Steady motion of the rig over a `duration`, after the transients of its start.
 
@@ -86,8 +81,6 @@ def run(
         Fine points per sample; >= 1.
     guard : int
         Fine points before time 0 and after the end, for sensors with a delay.
-    cubic : float [N/m^3]
-        kappa >= 0 of a further force kappa x^3 of a massless tyre, whose deflection is x.
 
     Returns
     -------
@@ -97,8 +90,7 @@ def run(
     Raises
     ------
     ValueError
-        If a constant is out of its range, a tyre with a mass has a cubic force, or tyre and rig have so little damping
-        that no steady motion is found.
+        If a constant is out of its range, or tyre and rig have so little damping that no steady motion is found.
 
     Notes
     -----
@@ -121,37 +113,27 @@ def run(
     """
     base = _Base.of(cam, bench, duration, sample_rate, oversampling, guard)
     bench, step = bench.damped_at(cam.frequency), base.step
-    if isinstance(tyre, Laden) and cubic:
-        raise ValueError("a tyre with a mass of its own has no cubic force")
     tyre = tyre if isinstance(tyre, Laden) else equations(tyre)
     a, b = state_matrices(tyre, bench)
     run_up = _run_up(a, step)
-    laws: list[_Law] = []
+    width = 0.0
     if bench.leaf_friction:
-        laws.append(_friction(tyre, bench, cam))
-    if cubic:
-        laws.append(_hardening(tyre, bench, cam, cubic))
-    for law in laws:  # the steepest slope of a law may slow the decay of transients
-        run_up = max(run_up, _run_up(law.held(law.held(a)), step))
+        width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * abs(far_end(tyre, bench, cam.frequency))
+        # the steepest slope of the friction may slow the decay of transients
+        run_up = max(run_up, _run_up(_damped(a, bench, bench.leaf_friction / width), step))
     time, kept = base.times(run_up), slice(run_up, None)
     x1, v1 = cam.motion(time)
-    states = _iterated(a, b, laws, np.stack([x1, v1]), step)[:, kept] if laws else respond(a, b, x1, v1, step, kept)
-    far = moved(states, bench.tyre_arm, bench)
+    states = _rubbing(a, b, bench, width, (x1, v1), step)[:, kept] if width else respond(a, b, x1, v1, step, kept)
+    x2, v2 = states[:2]
     first = tyre.springs[0] if isinstance(tyre, Laden) else tyre
     inner, behind = np.split(states[2:], [first.a.shape[0]])
-    behind = behind if isinstance(tyre, Laden) else far
-    deflection = x1[kept] - far[0]
+    behind = behind if isinstance(tyre, Laden) else states[:2]
     # einsum, because the threads that matmul starts cost more time here than they save
     x, v = x1[kept] - behind[0], v1[kept] - behind[1]
     force = first.d[0] * x + np.einsum("i,ij->j", first.c, inner) + first.d[1] * v
-    if cubic:
-        force += cubic * deflection**3
-        if np.abs(deflection).max() > laws[-1].knee:
-            raise ValueError(laws[-1].words)
     if bench.input_mass:
         force += bench.input_mass * cam.acceleration(time[kept])
-    x2, v2 = moved(states, 0.0 if bench.rocking is None else bench.rocking.sensor_arm, bench)
-    return Motion(time[kept], x1[kept], v1[kept], x2, v2, force, deflection)
+    return Motion(time[kept], x1[kept], v1[kept], x2, v2, force, x1[kept] - x2)
 
 
 def run_block(
@@ -234,80 +216,36 @@ def _run_up(a: FloatArray, step: float) -> int:
     return ceil(_SETTLED / decay / step)
 
 
-@dataclass(frozen=True, eq=False)
-class _Law:
-    """A force on the states that is no linear function of them.
-
-    Its slope is between -`slope` and `slope`, after `held` has added a linear force of that slope to the equations.
-    It is the true law for deflections of the tyre up to the `knee`.
-    """
-
-    column: FloatArray
-    force: Callable[[FloatArray, FloatArray], FloatArray]
-    row: FloatArray
-    slope: float
-    words: str
-    knee: float = inf
-
-    def held(self, a: FloatArray) -> FloatArray:
-        """The equations of motion with a linear force of the slope of this law."""
-        return a + self.slope * np.outer(self.column, self.row)
+def _damped(a: FloatArray, bench: Bench, damper: float) -> FloatArray:
+    """The equations of motion with a further damper [N s/m] between the moving mass and the foundation."""
+    a = a.copy()
+    a[1, 1] -= damper / (bench.mass + bench.tyre_mass)
+    return a
 
 
-def _friction(tyre: StateSpace | Laden, bench: Bench, cam: Cam) -> _Law:
-    """Coulomb friction between the moving mass and the foundation."""
-    width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * abs(far_end(tyre, bench, cam.frequency))
-    damper = 0.5 * bench.leaf_friction / width
-    size = state_matrices(tyre, bench)[0].shape[0]
-    column, row = np.zeros(size), np.zeros(size)
-    column[1], row[1] = 1.0 / (bench.mass + bench.tyre_mass), -1.0
-
-    def force(states: FloatArray, _: FloatArray) -> FloatArray:
-        return np.asarray(damper * states[1] - bench.leaf_friction * np.tanh(states[1] / width))
-
-    words = f"leaf_friction of {bench.leaf_friction:g} N: no steady motion, it nearly holds the mass; use less"
-    return _Law(column, force, row, damper, words)
-
-
-def _hardening(tyre: StateSpace | Laden, bench: Bench, cam: Cam, cubic: float) -> _Law:
-    """The cubic force of the tyre, on the moving mass."""
-    knee = _KNEE * cam.eccentricity * abs(1.0 - far_end(tyre, bench, cam.frequency))
-    spring = 1.5 * cubic * knee * knee
-    size = state_matrices(tyre, bench)[0].shape[0]
-    column, row = np.zeros(size), np.zeros(size)
-    column[1], row[0] = 1.0 / (bench.mass + bench.tyre_mass), -1.0
-    if bench.rocking is not None:
-        column[-1], row[-2] = bench.tyre_arm / bench.rocking.inertia, -bench.tyre_arm
-
-    def force(states: FloatArray, x1: FloatArray) -> FloatArray:
-        far = moved(states, bench.tyre_arm, bench)[0]
-        deflection = x1 - far
-        inner = np.clip(deflection, -knee, knee)  # beyond the knee, which only transients reach, the force is linear
-        return np.asarray(cubic * inner**3 + 2.0 * spring * (deflection - inner) + spring * far)
-
-    words = f"cubic = {cubic:g} N/m^3: no steady motion is found; use less"
-    return _Law(column, force, row, spring, words, knee)
-
-
-def _iterated(a: FloatArray, b: FloatArray, laws: Sequence[_Law], contact: FloatArray, step: float) -> FloatArray:
-    """States of a rig with forces that are not linear, by iteration."""
-    whole = slice(0, None)
-    for law in laws:
-        a = law.held(a)
-    push = np.hstack([held_force(a, law.column[:, None], step) for law in laws])
-    by_cam = respond(a, b, contact[0], contact[1], step, whole)
+def _rubbing(
+    a: FloatArray, b: FloatArray, bench: Bench, width: float, contact: tuple[FloatArray, FloatArray], step: float
+) -> FloatArray:
+    """States of a rig with friction between the moving mass and the foundation, by iteration."""
+    whole, damper = slice(0, None), 0.5 * bench.leaf_friction / width
+    a = _damped(a, bench, damper)
+    column = np.zeros((a.shape[0], 1))
+    column[1] = 1.0 / (bench.mass + bench.tyre_mass)
+    push = held_force(a, column, step)
+    by_cam = respond(a, b, *contact, step, whole)
     states = by_cam
     for _ in range(_ITERATIONS):
-        forces = [law.force(states, contact[0]) for law in laws]
-        ends = np.concatenate([np.stack([force[:-1], force[1:]]) for force in forces])
-        nearer = by_cam + recur(a, push, ends, step, whole)
+        force = damper * states[1] - bench.leaf_friction * np.tanh(states[1] / width)
+        nearer = by_cam + recur(a, push, np.stack([force[:-1], force[1:]]), step, whole)
         change = np.abs(nearer[1] - states[1]).max()
         states = nearer
         if not np.isfinite(change):
             break
         if change <= _CONVERGED * np.abs(states[1]).max():
             return states
-    raise ValueError(laws[-1].words)
+    raise ValueError(
+        f"leaf_friction of {bench.leaf_friction:g} N: no steady motion, it nearly holds the mass; use less"
+    )
 
 
 # Exact solution of z' = A z + B u in equal steps, for inputs u that are polynomials within a step

@@ -18,15 +18,12 @@ from fourpole.models.interface import StateSpace
 from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
-from fourpole.virtual.inertia import Laden
-from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
+from fourpole.virtual.phasor_rig import CHANNELS
 from fourpole.virtual.plan import SERIES, Planned, with_inertia
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
-from fourpole.virtual.truth import FURTHER, Statement, Truth
-from fourpole.virtual.tyres import VirtualTyre
+from fourpole.virtual.truth import Statement, Truth
 
-#: Length of the noise-free record from which the first harmonics of a tyre that is not linear are taken [s].
+#: Length of the noise-free record from which the first harmonics are taken where there is friction [s].
 _DESCRIBED = 1.0
 
 _OF_A_TEST = (q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.FREQUENCY, q.K1, q.K2, q.C, q.STORAGE, q.LOSS, q.TR)
@@ -209,67 +206,41 @@ def _replace(path: Path, text: str) -> None:
 
 
 def truth_rows(
-    this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool, inertia: bool
+    test: Planned, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool, inertia: bool
 ) -> list[tuple[object, ...]]:
     """Rows of truth.csv: one per test, or one per preload for a static test; `more` and `inertia` add columns."""
-    bench = this.bench
+    bench = truth.bench
     shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
     if more:
         parts = (bench.tyre_mass, bench.frame_stiffness, bench.preload_loss_factor, bench.input_mass)
         errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
         shared = (*shared, *parts, bench.leaf_friction, *errors)
-    row = this.row
-    shared = (*shared, *(_inertia(this, frequency) if inertia else ()))
-    if row.kind == "static":
-        tyre, pressure = this.as_labelled().real.mounted, row.pressure
+    shared = (*shared, *(_inertia(test, frequency) if inertia else ()))
+    if test.kind == "static":
+        tyre, pressure = test.mounted, test.pressure
         rows = ((load, None, None, float(tyre.static_stiffness(pressure, load)), *(None,) * 5) for load in preloads)
-        return [(row.name, tyre.name, pressure, *values, *shared) for values in rows]
-    if row.kind == "calibration":
-        return [(row.name, None, None, None, row.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
-    return [(*_dynamic_row(this, frequency), *shared)]
+        return [(test.name, tyre.name, pressure, *values, *shared) for values in rows]
+    if test.kind == "calibration":
+        return [(test.name, None, None, None, test.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
+    return [(*_dynamic_row(test, truth, frequency), *shared)]
 
 
-def _inertia(this: Run, frequency: float) -> tuple[object, ...]:
+def _inertia(test: Planned, frequency: float) -> tuple[object, ...]:
     """The values of `INERTIA_COLUMNS` in a dynamic test; None for other tests."""
-    if this.row.kind != "dynamic" or (inertia := this.as_labelled().real.mounted.inertia) is None:
+    if test.kind != "dynamic" or (inertia := test.mounted.inertia) is None:
         return (None,) * len(INERTIA_COLUMNS)
-    springs = equations(tyre_of(this.as_labelled(), frequency))
-    return (inertia.mass, *inertia.described(springs, 2.0 * np.pi * frequency))
+    return (inertia.mass, *inertia.described(equations(test.springs(frequency)), 2.0 * np.pi * frequency))
 
 
-def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
+def _dynamic_row(test: Planned, truth: Truth, frequency: float) -> tuple[object, ...]:
     """The row of a dynamic test up to TR, in the order of `TRUTH_COLUMNS`."""
-    row, this = this.row, this.as_labelled()
-    bench, cam = this.loaded_bench, Cam(frequency, this.real.eccentricity)
-    tyre = tyre_of(this, frequency)
-    stated = (row.name, row.mounted.name, row.pressure, row.preload, row.added_mass, frequency)
-    k1 = float(this.real.mounted.static_stiffness(this.real.pressure, this.real.preload))
-    if this.specimen.cubic:
-        stiffness, ratio = _described(tyre, bench, cam, cubic_of(this))
-        return (*stated, k1, *_arm(stiffness, k1, frequency), stiffness.real, stiffness.imag, ratio)
+    springs, k1 = test.springs(frequency), float(test.mounted.static_stiffness(test.pressure, test.preload))
     arm: tuple[float | None, float | None] = (None, None)
-    if isinstance(tyre, Zener) and tyre.k1 == k1:
-        arm = (tyre.k2, tyre.c)
-    elif isinstance(this.real.mounted, VirtualTyre):
-        arm = _arm(complex(*_two_parts(tyre, frequency)), k1, frequency)
-    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(laden(this, tyre), bench, cam))
-
-
-def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]:
-    """K2 [N/m] and C [N s/m] whose deflections under one force add up to that of K* - K1."""
-    flexibility = 1.0 / (stiffness - k1)
-    return 1.0 / flexibility.real, -1.0 / (2.0 * np.pi * frequency * flexibility.imag)
-
-
-def _described(tyre: Element, bench: Bench, cam: Cam, cubic: float) -> tuple[complex, float]:
-    """K* [N/m] and |V2/V1| [1] of the first harmonics of a tyre that is not linear."""
-    motion = run(cam, tyre, bench, duration=_DESCRIBED, cubic=cubic)
-    turn = np.exp(2j * np.pi * cam.frequency * motion.time)
-    columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
-    signals = np.stack([motion.force, motion.deflection, motion.x1], axis=1)
-    found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), signals, rcond=None)
-    force, deflection, x1 = found[0] + 1j * found[1]
-    return complex(force / deflection), float(abs((x1 - deflection) / x1))
+    if isinstance(springs, Zener):
+        arm = (springs.k2, springs.c)
+    ratio = _transmissibility(test.element(frequency), truth.bench_of(test), Cam(frequency, test.eccentricity))
+    stated = (test.name, test.mounted.name, test.pressure, test.preload, test.added_mass, frequency)
+    return (*stated, k1, *arm, *_two_parts(springs, frequency), ratio)
 
 
 def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float]:
@@ -285,12 +256,9 @@ def _transmissibility(tyre: Element, bench: Bench, cam: Cam) -> float:
     """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
         return abs(far_end(tyre, bench.damped_at(cam.frequency), cam.frequency))
-    if isinstance(tyre, Laden):
-        return _described(tyre, bench, cam, 0.0)[1]
-    names = (*FURTHER, "preload_stiffness", "preload_damping")
-    laboratory = Laboratory(
-        moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}
-    )
-    stiffness = complex(*_two_parts(tyre, cam.frequency))
-    tests = Conditions(cam.frequency, stiffness=stiffness, eccentricity=cam.eccentricity)
-    return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])
+    motion = run(cam, tyre, bench, duration=_DESCRIBED)
+    turn = np.exp(2j * np.pi * cam.frequency * motion.time)
+    columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
+    found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), np.stack([motion.x1, motion.x2], axis=1), rcond=None)
+    x1, x2 = found[0] + 1j * found[1]
+    return float(abs(x2 / x1))

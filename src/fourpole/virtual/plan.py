@@ -8,6 +8,8 @@ from itertools import product
 from math import isclose, nan
 from typing import Literal
 
+from fourpole.models.interface import StateSpace
+from fourpole.virtual.bench import Element, Zener, equations
 from fourpole.virtual.tyres import ModelTyre, Tyre
 
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
@@ -41,6 +43,15 @@ class Planned:
         if self.tyre is None:
             raise ValueError(f"test {self.name} is a calibration: a rigid block stands in the place of the tyre")
         return self.tyre
+
+    def springs(self, frequency: float) -> Zener | StateSpace:
+        """The springs of a dynamic test at the true `frequency` of the cam [Hz]."""
+        return self.mounted.element(frequency, self.pressure, self.preload)
+
+    def element(self, frequency: float) -> Element:
+        """The springs with the mass that the specimen has of its own."""
+        springs, inertia = self.springs(frequency), self.mounted.inertia
+        return springs if inertia is None else inertia.laden(equations(springs))
 
 
 def plan_tests(

@@ -14,7 +14,6 @@ from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run, run_block
 from fourpole.virtual.plan import Planned
-from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
 from fourpole.virtual.truth import Truth
@@ -40,17 +39,9 @@ def cam_frequency(test: Planned, rng: np.random.Generator, clean: bool) -> float
     return test.frequency * (1.0 + rng.uniform(-_SPEED_ERROR, _SPEED_ERROR))
 
 
-def record_static(
-    this: Run, truth: Truth, rng: np.random.Generator, clean: bool, chance: np.random.Generator
-) -> list[tuple[str, FloatArray]]:
-    """Columns of a static test: time [s], deflection [mm] and load [N]; `chance` draws what faults leave open."""
-    cycles = load_cycles(
-        this.real.mounted,
-        this.real.pressure,
-        sample_rate=_STATIC_RATE,
-        creep=this.specimen.creep,
-        creep_time=this.specimen.creep_time,
-    )
+def record_static(test: Planned, truth: Truth, rng: np.random.Generator, clean: bool) -> list[tuple[str, FloatArray]]:
+    """Columns of a static test: time [s], deflection [mm] and load [N]."""
+    cycles = load_cycles(test.mounted, test.pressure, sample_rate=_STATIC_RATE)
     sensors, gain = {"x": Sensor(scale=1e3), "F": Sensor()}, truth.gain_errors
     if not clean:
         # The deflection transducer has an arbitrary zero; the force cell is zeroed before the test.
@@ -61,30 +52,21 @@ def record_static(
             "F": _WITH_BITS(gain_error=gain["F"], offset=offset, noise=0.8, full_scale=5000.0, **drift),
         }
     signals = {"x": cycles.deflection, "F": cycles.load}
-    base = (0.0, 1.0 / _STATIC_RATE)
-    return _recorded(this, sensors, signals, base, cycles.time, rng, chance)
+    return _recorded(sensors, signals, (0.0, 1.0 / _STATIC_RATE), cycles.time, rng)
 
 
 def record_dynamic(
-    this: Run, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool, chance: np.random.Generator
+    test: Planned, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool
 ) -> list[tuple[str, FloatArray]]:
-    """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz].
-
-    `chance` draws what faults leave open.
-    """
-    eccentricity = this.real.eccentricity
-    cam = Cam(frequency, eccentricity) if clean else _worn_cam(frequency, eccentricity, rng)
+    """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz]."""
+    cam = Cam(frequency, test.eccentricity) if clean else _worn_cam(frequency, test.eccentricity, rng)
     late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
     oversampling = 10 if clean else 5
     latest = max(abs(delay) for delay in late.values()) + V1_DELAY
-    latest += max((flaw.latest(_DURATION) for flaw in this.flaws.values()), default=0.0)
     guard = max(8, ceil(latest * _SAMPLE_RATE * oversampling) + 4)
-    if this.real.kind == "calibration":
-        marched = partial(run_block, cam)
-    else:
-        marched = partial(run, cam, laden(this, tyre_of(this, frequency)), cubic=cubic_of(this))
+    marched = partial(run_block, cam) if test.kind == "calibration" else partial(run, cam, test.element(frequency))
     motion = marched(
-        this.loaded_bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard
+        truth.bench_of(test), duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard
     )
     gain = truth.gain_errors
     sensors = {channel: Sensor(gain_error=gain[channel], delay=late[channel]) for channel in late}
@@ -93,29 +75,22 @@ def record_dynamic(
     times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
     signals = {"F1": motion.force, "V1": motion.v1, "V2": motion.v2}
     base = (float(motion.time[0]), float((motion.time[-1] - motion.time[0]) / (motion.time.size - 1)))
-    return _recorded(this, sensors, signals, base, times, rng, chance)
+    return _recorded(sensors, signals, base, times, rng)
 
 
 def _recorded(
-    this: Run,
     sensors: Mapping[str, Sensor],
     signals: Mapping[str, FloatArray],
     base: tuple[float, float],
     times: FloatArray,
     rng: np.random.Generator,
-    chance: np.random.Generator,
 ) -> list[tuple[str, FloatArray]]:
     """The time and the record of each channel; `base` is start and step [s] of the `signals`."""
-    columns, (start, step) = [("t", times)], base
-    for channel, signal in signals.items():
-        flaw, record = this.flaws.get(channel), partial(sensors[channel].record, start=start, step=step, rng=rng)
-        if flaw is None:
-            columns.append((channel, record(signal, times=times)))
-            continue
-        heard, disturbance = flaw.heard(channel, signals), flaw.disturbance(times, chance)
-        found = record(heard, times=flaw.times(times), disturbance=disturbance)
-        columns.append((channel, flaw.interrupted(found, chance)))
-    return columns
+    start, step = base
+    return [("t", times)] + [
+        (channel, sensors[channel].record(signal, start=start, step=step, times=times, rng=rng))
+        for channel, signal in signals.items()
+    ]
 
 
 def _worn_cam(frequency: float, eccentricity: float, rng: np.random.Generator) -> Cam:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.virtual.tyres import Tyre
@@ -39,8 +38,6 @@ def load_cycles(
     cycles: int = 4,
     period: float = 20.0,
     sample_rate: float = 50.0,
-    creep: float = 0.0,
-    creep_time: float = 40.0,
 ) -> StaticCycles:
     r"""Load a tyre slowly from zero deflection to `peak_load` and back, `cycles` times.
 
@@ -50,9 +47,7 @@ def load_cycles(
 
     with + for loading and - for unloading, so that the mean of the branches at equal deflection is the tyre's law. The
     last term is present only for loading, and only in the first two cycles: rubber is stiffer in its first deflections
-    (Mullins effect). None of these terms depends on the rate. With creep, a fraction s of the mean load relaxes:
-
-    .. math:: F - s\,F_{mean} + q, \qquad \dot q = s\,\dot F_{mean} - q/\tau
+    (Mullins effect). None of these terms depends on the rate.
 
     Parameters
     ----------
@@ -64,8 +59,6 @@ def load_cycles(
         Number of complete cycles; >= 1.
     period, sample_rate : float [s], [Hz]
         Duration of one cycle; samples per second; both > 0.
-    creep, creep_time : float [1], [s]
-        s and tau of the load that relaxes.
 
     Returns
     -------
@@ -96,7 +89,4 @@ def load_cycles(
     gap = tyre.hysteresis * peak_load * 4.0 * u * (1.0 - u)
     conditioning = tyre.conditioning * share * mean * (1.0 - u * u)
     load = mean + np.where(loading, gap + conditioning, -gap)
-    if creep:
-        left = np.exp(-1.0 / (sample_rate * creep_time))
-        load += creep * (scipy.signal.lfilter([np.sqrt(left)], [1.0, -left], np.diff(mean, prepend=mean[0])) - mean)
     return StaticCycles(time=time, deflection=peak * u, load=load)

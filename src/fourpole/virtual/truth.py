@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
 from fourpole.virtual.bench import Bench
 from fourpole.virtual.phasor_rig import CHANNELS, FAULTS
+from fourpole.virtual.plan import Planned
 
 STD_GAIN, STD_PHASE = 2e-4, float(np.deg2rad(0.01))
 #: Stated values of the usual rig with their standard uncertainties [kg], [N/m], [N s/m].
@@ -49,6 +50,10 @@ class Truth:
     bench: Bench
     gain_errors: Mapping[str, float]
     phase_errors: Mapping[str, float]
+
+    def bench_of(self, test: Planned) -> Bench:
+        """The rig with the added mass of a test."""
+        return replace(self.bench, mass=self.bench.mass + test.added_mass)
 
 
 def state(
