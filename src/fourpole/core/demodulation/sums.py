@@ -31,6 +31,14 @@ _BLOCKS = 200
 _FEWEST_TURNS = 0.5
 
 
+@lru_cache(maxsize=2)
+def hann(count: int) -> FloatArray:
+    """Hann window of a record of `count` samples."""
+    window: FloatArray = 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
+    window.flags.writeable = False
+    return window
+
+
 class Grid:
     """Uniform times in M blocks of B.
 
