@@ -147,7 +147,7 @@ def plain_layout(lines: Sequence[str], name: str) -> Layout | None:
     with suppress(TableError):
         layout = find_layout(lines[:_FIRST_LINES], name)
         delimiter, rows = layout.delimiter, lines[layout.first_row - 1 : _SAMPLE]
-        even = delimiter != " " and all(row.count(delimiter) == layout.width - 1 for row in rows)
+        even = delimiter != " " and {row.count(delimiter) for row in rows} == {layout.width - 1}
         other = "".join(rows).encode().translate(None, b"0123456789+-eE" + f"{delimiter}{layout.decimal}".encode())
         if even and not other and not layout.clocks and holds_numbers(lines[:_FIRST_LINES], layout):
             return layout

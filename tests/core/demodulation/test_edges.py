@@ -249,7 +249,8 @@ EDGES = {
     "excitation, 30 % of the strongest line": (weak, {0.297: 1, 0.303: 2}),
     "line, 30 times the noise": (shown, {29.7: 0, 30.3: 1}),
     "bins beside a frequency, 16 within 40 %": (
-        lambda x: int(spectrum._offsets(x, 1.0, 1e4, np.zeros(0)).max()), {10.0: 4, 39.0: 15, 100.0: 16},
+        lambda x: int(spectrum._ALL_OFFSETS[spectrum._used(np.full(1, x), 1.0, 1e4, np.zeros(0))[0]].max()),
+        {10.0: 4, 39.0: 15, 100.0: 16},
     ),
     "noise that is not white, 4 bins": (white, {7.4: True, 7.6: False}),
     "spike, 6 times the usual residual": (spiked, {5.94: 0, 6.06: 1}),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
 from fourpole.core.demodulation.sums import hann
 
@@ -82,14 +82,16 @@ def strongest_lines(spectrum: ComplexArray, resolution: float, *, order: int) ->
     """
     power = _power(spectrum)
     lowest = int(np.ceil(_FEWEST_CYCLES))  # lower bins show drift, not lines
+    falls = power[lowest - 1] > power[lowest]
     power[:lowest] = 0.0
     stands_out = _excess(power[None], _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
     if stands_out.any():  # otherwise differentiated noise could exceed a line
         power[~stands_out] = 0.0
-    power[lowest:] *= (2 * np.pi * resolution * np.arange(lowest, power.size)) ** (2 * order)
+    if order:
+        power[lowest:] *= (2 * np.pi * resolution * np.arange(lowest, power.size)) ** (2 * order)
     lines = []
     for top in _maxima(power, _WEAK * _SCALLOP):
-        off = _off_bin(spectrum, top)
+        off = -0.5 if falls and top == lowest else _off_bin(spectrum, top)
         size = float(np.sqrt(power[top]) * (1 + off / top) ** order / (np.sinc(off) / (1 - off**2)))
         lines.append(Line((top + off) * resolution, round(_QUARTERS * (top + off)) / _QUARTERS * resolution, size))
     lines.sort(key=lambda line: -line.amplitude)
@@ -217,30 +219,31 @@ def noise_beside(fits: Sequence[SineFit], harmonics: int = 1) -> list[Noise]:
     to removed lines. If fewer than four bins remain, the noise is taken as white and as large as the whole residual.
     """
     resolution, rate = fits[0].resolution, min(fit.track.exact_rate for fit in fits)
-    lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     frequencies = fits[0].omega / (2 * np.pi) * np.arange(1, harmonics + 1)
-    used = [_offsets(frequency, resolution, rate, lines) for frequency in frequencies.tolist()]
-    widest = max((max(-offsets[0], offsets[-1]) for offsets in used if offsets.size >= _FEWEST_BINS), default=0)
+    used = _used(frequencies, resolution, rate, np.concatenate([fit.lines / (2 * np.pi) for fit in fits]))
+    enough = np.count_nonzero(used, axis=1) >= _FEWEST_BINS
+    widest = int(np.abs(_ALL_OFFSETS * (used & enough[:, None])).max())
     bins = np.concatenate([_bins(fit, harmonics, widest) for fit in fits])
     noises = []
-    for k, offsets in enumerate(used):
-        if offsets.size < _FEWEST_BINS:
+    for k, frequency in enumerate(frequencies.tolist()):
+        if not enough[k]:
             noises.append(_white(fits, rate))
             continue
+        offsets = _ALL_OFFSETS[used[k]]
         beside = bins[:, k, offsets + widest]
-        low, high = (float(frequencies[k] + offset * resolution) for offset in (offsets[0], offsets[-1]))
+        low, high = (frequency + offset * resolution for offset in offsets[[0, -1]].tolist())
         noises.append(Noise(beside @ beside.conj().T / offsets.size, (low, high), 2.0 * offsets.size))
     return noises
 
 
-def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray) -> IntArray:
-    """Offsets of the bins beside a frequency [Hz], in bins."""
-    reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
-    offsets = _ALL_OFFSETS[np.abs(_ALL_OFFSETS) <= reach]
+def _used(frequencies: FloatArray, resolution: float, rate: float, lines: FloatArray) -> BoolArray:
+    """Flags (frequencies, offsets) of the bins beside frequencies [Hz] that show their noise."""
+    reach = np.minimum(_BAND * frequencies / resolution, (0.5 * rate - frequencies) / resolution - 1).astype(int)
+    used = np.abs(_ALL_OFFSETS) <= reach[:, None]
     if lines.size:
-        places = frequency + offsets * resolution
-        offsets = offsets[(np.abs(places - lines[:, None]) > 1.5 * resolution).all(axis=0)]
-    return offsets
+        places = frequencies[:, None] + _ALL_OFFSETS * resolution
+        used &= (np.abs(places - lines[:, None, None]) > 1.5 * resolution).all(axis=0)
+    return np.asarray(used)
 
 
 def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:

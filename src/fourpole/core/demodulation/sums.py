@@ -205,8 +205,8 @@ class Sines:
         """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, orders, F), and of drift (C, 4) s^p."""
         grid, (channels, orders, count) = self._grid, amplitudes.shape
         # Each block has amplitudes and a polynomial about its own middle.
-        shifts = grid.shifts[:orders, :, :orders]
-        each = np.einsum("cpf,pmq->cmqf", amplitudes, shifts) * self._middle.conj()[:, None]
+        shifts = grid.shifts[:orders, :, :orders].reshape(orders, -1).T
+        each = (shifts @ amplitudes).reshape(channels, -1, orders, count) * self._middle.conj()[:, None]
         parts = np.empty((channels, grid.middle.size, 2 * orders * count + drift.shape[1]))
         parts[:, :, : 2 * orders * count] = each.reshape(channels, grid.middle.size, -1).view(float)
         along = drift @ grid.shifts[:_DRIFT].reshape(_DRIFT, -1)
