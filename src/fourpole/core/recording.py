@@ -296,11 +296,9 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     if not np.all(np.isfinite(time)):
         row = int(np.argmin(np.isfinite(time)))
         raise RecordingError(f"time is missing at sample {row + 1}; fill it in, or state sample_rate for the channels")
-    index, since = np.arange(0.5 * (1 - time.size), 0.5 * time.size), time - time[0]
+    index, since = np.arange(time.size) - 0.5 * (time.size - 1), time - time[0]
     step = float(index @ since / (index @ index))  # of the uniform grid nearest to the stamps
-    off_grid = since - since.mean()
-    off_grid -= np.multiply(index, step, out=index)
-    np.abs(off_grid, out=off_grid)
+    off_grid = np.abs(since - since.mean() - step * index)
     if off_grid.max() <= 1e-6 * step:
         return step, ""
     increments = np.diff(time)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -136,12 +137,8 @@ def read_columns(
     >>> recording["F1"].tolist(), recording.units
     ([1.5, nan], {'t': 's', 'F1': 'N'})
     """
-    with _opened(path, names, max_bytes, label, stretch) as (source, start, table):
-        found = _joined(list(parts(source, start, table)))
-    values = {one: found.get(index, np.empty(0)) for one, index in table.wanted.items()}
-    if any(not len(column) for column in values.values()):
-        raise table.empty()
-    return Columns(values, table.units, table.layout.first_row, table.above)
+    (found,) = column_blocks(path, names, sys.maxsize, max_bytes=max_bytes, label=label, stretch=stretch)
+    return found
 
 
 @contextmanager

@@ -284,8 +284,6 @@ def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
 
 def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
     """Whether at least half of the cells that are not blank are numbers."""
-    if cells and plain_numbers(cells) is not None:
-        return True
     filled = [cell for cell in cells if not is_missing(cell)]
     return bool(filled) and 2 * sum(number(cell, decimal) is not None for cell in filled) >= len(filled)
 
@@ -333,12 +331,8 @@ def trimmed(cells: list[str], width: int) -> list[str]:
 def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
     """The delimiter that splits most lines into the same number of cells (at least two), and this number."""
     best, share, width = ",", 0, 1
-    quoted = any('"' in line for line in lines)
     for delimiter in _DELIMITERS:
-        if quoted or delimiter == " ":
-            counts = Counter([_cell_count(line, delimiter) for line in lines])
-        else:
-            counts = Counter([line.count(delimiter) + 1 for line in lines])
+        counts = Counter([_cell_count(line, delimiter) for line in lines])
         count, often = max(counts.items(), key=lambda item: (item[1], item[0]))
         if count >= 2 and (often > share or (often == share and delimiter == " " and _spaced(lines, best))):
             best, share, width = delimiter, often, count

@@ -44,7 +44,7 @@ def first_line(apart):
     recording = SimpleNamespace(channels={"motion_in": SimpleNamespace(quantity="velocity")})
     lines = [Line(20.0, 20.0, 1.0), Line(10 * (1 + apart), 10 * (1 + apart), 0.5)]
     with patch.object(demodulate, "strongest_lines", lambda *given, **how: lines):
-        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, spectrum=None, resolution=None), 10.0)
+        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, spectrum=None, time=np.zeros(9)), 10.0)
 
 
 def harmonic(number, size=0.01):

@@ -198,11 +198,11 @@ def demodulate(
         frequency = start if start is not None else _strongest(recording, tracks[0], near)
     _check_length(recording, tracks, frequency, given=not free)
     if free:
-        frequency = sharpened(tracks[0].spectrum, tracks[0].resolution, frequency)
+        frequency = sharpened(tracks[0].spectrum, tracks[0].rate / tracks[0].time.size, frequency)
     fits, informing = [], []
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / frequency)))
-        informing.append(_informing(frequency, count, track.resolution, mains))
+        informing.append(_informing(frequency, count, track.rate / track.time.size, mains))
         fits.append(fit_sines(track, 2 * np.pi * frequency, count, np.empty(0)))
     if free:
         fits, _ = refine(fits, informing=informing)
@@ -245,7 +245,7 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
-    lines = strongest_lines(track.spectrum, track.resolution, order=order)
+    lines = strongest_lines(track.spectrum, track.rate / track.time.size, order=order)
     beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
     return beside[0] if beside else lines[0].frequency
 

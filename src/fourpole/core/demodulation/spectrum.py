@@ -87,8 +87,7 @@ def strongest_lines(spectrum: ComplexArray, resolution: float, *, order: int) ->
     stands_out = _excess(power[None], _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
     if stands_out.any():  # otherwise differentiated noise could exceed a line
         power[~stands_out] = 0.0
-    if order:
-        power[lowest:] *= (2 * np.pi * resolution * np.arange(lowest, power.size)) ** (2 * order)
+    power[lowest:] *= (2 * np.pi * resolution * np.arange(lowest, power.size)) ** (2 * order)
     lines = []
     for top in _maxima(power, _WEAK * _SCALLOP):
         off = -0.5 if falls and top == lowest else _off_bin(spectrum, top)

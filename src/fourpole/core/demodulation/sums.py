@@ -125,10 +125,10 @@ class Blocks:
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
     """Fill a table (n, F) with start · ratio^k in column k, from k = 0; by default with ratio^(k + 1)."""
-    if table.shape[1]:
-        table[:, 0] = ratio if start is None else start
-    for k in range(1, table.shape[1]):
-        np.multiply(table[:, k - 1], ratio, out=table[:, k])
+    table[:] = ratio[:, None]
+    if start is not None:
+        table[:, 0] = start
+    np.multiply.accumulate(table, axis=1, out=table)
 
 
 class Sines:

@@ -107,11 +107,6 @@ class Track(ByValue):
         index *= (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
         return np.fft.rfft((motion - np.add(index, motion.mean(), out=index)) * hann(motion.size))
 
-    @property
-    def resolution(self) -> float:
-        """Width of a bin, 1/T [Hz]."""
-        return self.rate / self.time.size
-
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
     """Tracks of the channels `names` over their common time, V1 first; RecordingError for a channel without signal."""

@@ -194,10 +194,8 @@ def _together(scan: Any, schema: Any, names: set[str], name: str, rows: int | No
     if rows is not None and (whole is None or whole.height != rows):
         _check_rows(scan, rows, name)
 
-    def rows_from(first: int, last: int) -> Any:
-        return caught(query.slice(first, last - first).collect) if whole is None else whole.slice(first, last - first)
-
-    table: Any = remembered(rows_from)
+    part_of = whole.slice if whole is not None else lambda *part: caught(query.slice(*part).collect)
+    table: Any = remembered(lambda first, last: part_of(first, last - first))
     firsts: dict[str, int] = {}
 
     def read(column: str) -> Part:
@@ -211,9 +209,7 @@ def _together(scan: Any, schema: Any, names: set[str], name: str, rows: int | No
             if not kind.is_temporal():
                 return np.asarray(cells.to_numpy())  # a missing value is not-a-number
             if isinstance(kind, pl.Datetime) and column not in firsts:
-                known = caught(scan.select(pl.col(column).cast(pl.Int64)).slice(0, _TO_FIRST).collect)[
-                    column
-                ].drop_nulls()
+                known = caught(query.select(column).slice(0, _TO_FIRST).collect)[column].drop_nulls()
                 firsts[column] = int(known[0]) if len(known) else 0
             since = (cells - firsts.get(column, 0)).cast(pl.Float64).fill_null(np.nan)
             return np.asarray(since.to_numpy() / _TICKS[kind.time_unit])
