@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from fourpole.errors import FileError, TableError
 from fourpole.io import rows as room
 from fourpole.io.columns import read_columns
+from fourpole.io.layout import find_layout, plain_layout
 
 NAN = float("nan")
 
@@ -297,3 +298,14 @@ def test_rows_around_a_quote_are_read_quickly(
     np.testing.assert_array_equal(found["t"], expected)
     np.testing.assert_array_equal(found["F1"], expected + 0.5)
     assert 1 <= sum(slow) <= 3
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("above", [[], ["Messung 7", "rate;2000;Hz", ""], ["note"] * 8])
+def test_the_first_lines_give_the_layout_of_a_sound_table(above: list[str], decimal: str) -> None:
+    rows = [f"{n}{decimal}5;{-n}e-3;7" for n in range(250)]
+    lines = [*above, "t [s];F1 [N];V1", "s;N;m/s", *rows]
+    assert plain_layout(lines, "a.csv") == find_layout(lines, "a.csv")
+    first = len(lines) - len(rows)
+    for odd in ("1;2", "1;2;3;4", "1;x;3", "12:00:01;2;3", "", "# paused", '1;"2";3', f"1;2{'.,'[decimal == '.']}5;3"):
+        assert plain_layout([*lines[: first + 90], odd, *lines[first + 90 :]], "a.csv") is None, odd

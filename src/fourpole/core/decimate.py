@@ -67,7 +67,7 @@ class Decimator:
 
     def samples(self) -> FloatArray:
         """All output samples so far."""
-        return np.concatenate([np.empty(0), *self._parts])
+        return self._parts[0] if len(self._parts) == 1 else np.concatenate([np.empty(0), *self._parts])
 
 
 def _taps(factor: int) -> FloatArray:

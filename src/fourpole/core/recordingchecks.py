@@ -55,12 +55,12 @@ def clipped_share(channel: Channel) -> float:
         at_limit = float(np.mean((samples <= low + tolerance) | (samples >= high - tolerance)))
         if at_limit > 0:
             return at_limit
-    return sum(_flat_share(sign * samples) for sign in (1.0, -1.0))
+    return _flat_share(samples, samples.max()) + _flat_share(samples, samples.min())
 
 
-def _flat_share(samples: FloatArray) -> float:
-    """Share of samples [1] that equal the largest; 0 unless they are far more than at the top of a sine."""
-    at_top = samples == samples.max()
+def _flat_share(samples: FloatArray, top: float) -> float:
+    """Share of samples [1] that equal the largest or smallest; 0 unless they are far more than at the top of a sine."""
+    at_top = samples == top
     count = np.count_nonzero(at_top)
     if count < 6 or np.max(np.diff(np.flatnonzero(np.concatenate([[True], ~at_top, [True]])))) < 4:
         return 0.0

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.demodulation.spectrum import hann, peak_place
+from fourpole.core.demodulation.spectrum import peak_place
+from fourpole.core.demodulation.sums import hann
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.segments import TESTS, Segment, segments, without_dropouts
 from fourpole.core.spectra import average, random, sweep

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -18,7 +19,7 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
 from fourpole.io.door import open_regular
-from fourpole.io.layout import Layout, check_even, find_column, find_layout, holds_numbers, split_lines
+from fourpole.io.layout import Layout, check_even, find_column, find_layout, holds_numbers, plain_layout, split_lines
 from fourpole.io.rows import Piece, Table, Values, length, line_start, parts, whole_lines
 from fourpole.io.source import AnyPath, as_utf8, encoding_of, name_of
 from fourpole.io.stretches import Stretch, stretches_of
@@ -136,12 +137,8 @@ def read_columns(
     >>> recording["F1"].tolist(), recording.units
     ([1.5, nan], {'t': 's', 'F1': 'N'})
     """
-    with _opened(path, names, max_bytes, label, stretch) as (source, start, table):
-        found = _joined(list(parts(source, start, table)))
-    values = {one: found.get(index, np.empty(0)) for one, index in table.wanted.items()}
-    if any(not len(column) for column in values.values()):
-        raise table.empty()
-    return Columns(values, table.units, table.layout.first_row, table.above)
+    (found,) = column_blocks(path, names, sys.maxsize, max_bytes=max_bytes, label=label, stretch=stretch)
+    return found
 
 
 @contextmanager
@@ -166,8 +163,9 @@ def _layout(start: bytes, encoding: str, name: str) -> tuple[Layout, tuple[str, 
     """
     every = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))
     lines = every[:-1] if len(start) >= _HEAD else every
-    layout = find_layout(lines, name)
-    if not holds_numbers(lines, layout):
+    plain = plain_layout(lines, name)
+    layout = plain or find_layout(lines, name)
+    if plain is None and not holds_numbers(lines, layout):
         check_even(lines, name)
         raise TableError(f"{name}: is text without a table of numbers; name a file with a line of names above its rows")
     above = enumerate(every[: layout.first_row - 1], 1)
@@ -291,7 +289,8 @@ def _cut(parts: Iterator[Values], rows: int) -> Iterator[Values]:
         while first < length(part):
             last = first + rows - sum(map(length, held))
             # A view would keep the whole part in memory.
-            held.append({index: column[first:last].copy() for index, column in part.items()})
+            whole = first == 0 and last >= length(part)
+            held.append(part if whole else {index: column[first:last].copy() for index, column in part.items()})
             first = last
             if sum(map(length, held)) == rows:
                 yield _joined(held)

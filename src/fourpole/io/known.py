@@ -33,7 +33,7 @@ def _is_labview(head: bytes) -> bool:
 def _is_tydex(head: bytes) -> bool:
     if head[:2] in _UTF16:
         head = head.decode("utf-16", errors="ignore").encode("ascii", errors="ignore")
-    return _TYDEX.search(head) is not None
+    return b"**" in head and _TYDEX.search(head) is not None
 
 
 def _is_text(head: bytes) -> bool:

@@ -21,8 +21,8 @@ from fourpole.units import column_unit, is_unit, shown
 
 #: Delimiters in the order in which they are tried; a space means any white space.
 _DELIMITERS = ("\t", ";", ",", " ")
-#: First lines of a file from which the layout is found.
-_SAMPLE = 200
+#: First lines of a file from which the layout is found, and those that suffice if all the others are plain rows.
+_SAMPLE, _FIRST_LINES = 200, 20
 #: Nearest lines above the numbers among which the header is sought.
 _NEAREST = 5
 #: First rows from which header and decimal sign are found.
@@ -140,6 +140,18 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
     clocks = _clocks(_rows_from(rows, below[0]))
     return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1, clocks)
+
+
+def plain_layout(lines: Sequence[str], name: str) -> Layout | None:
+    """The layout by the first lines, if all lines of the sample below its header are rows of numbers; else None."""
+    with suppress(TableError):
+        layout = find_layout(lines[:_FIRST_LINES], name)
+        delimiter, rows = layout.delimiter, lines[layout.first_row - 1 : _SAMPLE]
+        even = delimiter != " " and {row.count(delimiter) for row in rows} == {layout.width - 1}
+        other = "".join(rows).encode().translate(None, b"0123456789+-eE" + f"{delimiter}{layout.decimal}".encode())
+        if even and not other and not layout.clocks and holds_numbers(lines[:_FIRST_LINES], layout):
+            return layout
+    return None
 
 
 def _rows_from(rows: dict[int, list[str]], first: int) -> list[list[str]]:
@@ -272,8 +284,6 @@ def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
 
 def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
     """Whether at least half of the cells that are not blank are numbers."""
-    if cells and plain_numbers(cells) is not None:
-        return True
     filled = [cell for cell in cells if not is_missing(cell)]
     return bool(filled) and 2 * sum(number(cell, decimal) is not None for cell in filled) >= len(filled)
 
@@ -321,12 +331,8 @@ def trimmed(cells: list[str], width: int) -> list[str]:
 def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
     """The delimiter that splits most lines into the same number of cells (at least two), and this number."""
     best, share, width = ",", 0, 1
-    quoted = any('"' in line for line in lines)
     for delimiter in _DELIMITERS:
-        if quoted or delimiter == " ":
-            counts = Counter([_cell_count(line, delimiter) for line in lines])
-        else:
-            counts = Counter([line.count(delimiter) + 1 for line in lines])
+        counts = Counter([_cell_count(line, delimiter) for line in lines])
         count, often = max(counts.items(), key=lambda item: (item[1], item[0]))
         if count >= 2 and (often > share or (often == share and delimiter == " " and _spaced(lines, best))):
             best, share, width = delimiter, often, count

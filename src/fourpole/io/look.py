@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
-from fourpole.core.demodulation.spectrum import hann
+from fourpole.core.demodulation.sums import hann
 from fourpole.core.recording import uniform_time
 from fourpole.errors import FourpoleError, RecordingError
 from fourpole.io.signals import FileInfo, Progress, Signal, SignalInfo

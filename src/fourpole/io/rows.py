@@ -233,7 +233,7 @@ def _plain_frame(
             return pl.read_csv(
                 part,
                 has_header=False,
-                columns=indices,
+                columns=indices if len(indices) < layout.width else None,
                 schema=schema,
                 separator=layout.delimiter,
                 eol_char=ending.decode(),

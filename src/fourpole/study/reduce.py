@@ -280,8 +280,10 @@ def demodulated_part(
         result, wandering = _amplitudes(job.test, recording.without(spare[0]), start)
         made.append(_left_out(spare[0], error.message))
     force = recording.channels.get("force_in")
-    known = np.zeros(1) if force is None else force.samples[np.isfinite(force.samples)]
-    mean = float(known.mean()) if known.size else 0.0
+    known = np.zeros(1) if force is None else force.samples
+    if not np.isfinite(mean := float(known.mean())):
+        known = known[np.isfinite(known)]
+        mean = float(known.mean()) if known.size else 0.0
     return Demodulated(result, (*made, *wandering), mean)
 
 

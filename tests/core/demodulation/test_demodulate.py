@@ -381,7 +381,7 @@ def with_channel(recording, name, samples, quantity="velocity"):
 
 
 def test_too_few_cycles(record):
-    with pytest.raises(RecordingError, match=r"holds 2\.5 cycles of 10 Hz, at least 3 are needed: record longer"):
+    with pytest.raises(RecordingError, match=r"holds 2\.5 cycles of 10\.01 Hz, at least 3 are needed: record longer"):
         demodulate(record(AMPLITUDES, 10.0, samples=250))
     with pytest.raises(RecordingError, match=r"holds 2\.9 cycles of 10 Hz"):
         demodulate(record(AMPLITUDES, 10.0, samples=290), frequency=10.0)

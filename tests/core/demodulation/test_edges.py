@@ -11,6 +11,7 @@ import pytest
 
 from fourpole.core.demodulation import demodulate, halves, spectrum, spoilt, steady, tracks, wander
 from fourpole.core.demodulation.spectrum import Line
+from fourpole.core.demodulation.sums import hann
 from fourpole.core.recording import Recording
 from fourpole.errors import RecordingError
 
@@ -43,7 +44,7 @@ def first_line(apart):
     recording = SimpleNamespace(channels={"motion_in": SimpleNamespace(quantity="velocity")})
     lines = [Line(20.0, 20.0, 1.0), Line(10 * (1 + apart), 10 * (1 + apart), 0.5)]
     with patch.object(demodulate, "strongest_lines", lambda *given, **how: lines):
-        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, trendless=None), 10.0)
+        return demodulate._strongest(recording, SimpleNamespace(rate=1e3, spectrum=None, time=np.zeros(9)), 10.0)
 
 
 def harmonic(number, size=0.01):
@@ -66,7 +67,8 @@ def terms(*lines, fitted=()):
 def weak(share):
     """Number of the lines of two sines, the second with this share of the first."""
     at = 2 * np.pi * np.arange(2000) / 200.0
-    return len(spectrum.strongest_lines(np.cos(10 * at) + share * np.cos(30 * at), 200.0, order=0))
+    bins = np.fft.rfft((np.cos(10 * at) + share * np.cos(30 * at)) * hann(at.size))
+    return len(spectrum.strongest_lines(bins, 200.0 / at.size, order=0))
 
 
 def shown(power):
@@ -247,7 +249,8 @@ EDGES = {
     "excitation, 30 % of the strongest line": (weak, {0.297: 1, 0.303: 2}),
     "line, 30 times the noise": (shown, {29.7: 0, 30.3: 1}),
     "bins beside a frequency, 16 within 40 %": (
-        lambda x: int(spectrum._offsets(x, 1.0, 1e4, np.zeros(0)).max()), {10.0: 4, 39.0: 15, 100.0: 16},
+        lambda x: int(spectrum._ALL_OFFSETS[spectrum._used(np.full(1, x), 1.0, 1e4, np.zeros(0))[0]].max()),
+        {10.0: 4, 39.0: 15, 100.0: 16},
     ),
     "noise that is not white, 4 bins": (white, {7.4: True, 7.6: False}),
     "spike, 6 times the usual residual": (spiked, {5.94: 0, 6.06: 1}),

@@ -86,4 +86,4 @@ def without_crosstalk(
             share = talk.coefficient * (1j * omega) ** power
             mixing[i, names.index(talk.source)] += share
             rows.append(Correction(name, f"cross-talk of {talk.source}", abs(share), float(np.angle(share))))
-    return np.asarray(np.linalg.inv(mixing), dtype=complex), rows
+    return np.asarray(np.linalg.inv(mixing) if rows else mixing), rows

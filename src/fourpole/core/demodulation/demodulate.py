@@ -199,7 +199,7 @@ def demodulate(
         frequency = start if start is not None else _strongest(recording, tracks[0], near)
     _check_length(recording, tracks, frequency, given=not free)
     if free:
-        frequency = sharpened(tracks[0].trendless, tracks[0].rate, frequency)
+        frequency = sharpened(tracks[0].spectrum, tracks[0].rate / tracks[0].time.size, frequency)
     fits, informing = [], []
     for track in tracks:
         count = max(1, min(harmonics, int(0.45 * track.rate / frequency)))
@@ -246,7 +246,7 @@ def _strongest(recording: Recording, track: Track, near: float | None) -> float:
     if near is not None:
         _check_resolved(recording, track, near)
     order = DERIVATIVES[recording.channels["motion_in"].quantity]
-    lines = strongest_lines(track.trendless, track.rate, order=order)
+    lines = strongest_lines(track.spectrum, track.rate / track.time.size, order=order)
     beside = [] if near is None else [line.bin for line in lines if abs(line.bin - near) <= _NEAR * near]
     return beside[0] if beside else lines[0].frequency
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sinefit import SineFit
-from fourpole.core.demodulation.sums import Blocks, Sines
+from fourpole.core.demodulation.sums import hann
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
@@ -23,12 +22,10 @@ _MOST_BINS = 16
 _ALL_OFFSETS = np.r_[-_MOST_BINS:-1, 2 : _MOST_BINS + 1]
 _BAND = 0.4
 _FEWEST_BINS = 4
-#: Samples from which bins as fine as 1/T do, and from which these are made first and finer ones about maxima only.
-_MANY, _FEW = 1 << 18, 1 << 12
-#: Weighted mean of u² over T² under a Hann window; steps from a first guess, of which each leaves a few hundredths.
-_HANN_LEVER, _STEPS = 1 / 12 - 1 / (2 * np.pi**2), 2
-#: Least share of a line's amplitude that a bin as fine as 1/T has under a Hann window.
-_SCALLOP = 0.84
+#: Least share of a line's amplitude that a bin has under a Hann window; parts of a bin to which a guess is rounded.
+_SCALLOP, _QUARTERS = 0.84, 4
+#: Farthest that a line may lie from the bin at its maximum, in bins: half a bin, and noise.
+_FARTHEST = 0.75
 #: A weaker line than this share of the strongest is no excitation.
 _WEAK = 0.3
 
@@ -61,9 +58,9 @@ class Line:
     frequency : float [Hz]
         Its frequency.
     bin : float [Hz]
-        Frequency of the bin nearest to it.
+        The frequency, rounded to a quarter of a bin.
     amplitude : float
-        Amplitude of the bin.
+        Its amplitude, times N/4.
     """
 
     frequency: float
@@ -71,42 +68,31 @@ class Line:
     amplitude: float
 
 
-def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Line]:
+def strongest_lines(spectrum: ComplexArray, resolution: float, *, order: int) -> list[Line]:
     """The lines of a motion that reach 0.3 of the strongest, converted to a velocity; the strongest first.
 
     Parameters
     ----------
-    samples : (N,) float array
-        The motion.
-    rate : float [Hz]
-        Samples per second.
+    spectrum : (N // 2 + 1,) complex array
+        The motion under a Hann window.
+    resolution : float [Hz]
+        Width of a bin, 1/T.
     order : {-1, 0, 1}
         Number of differentiations that make the motion a velocity.
-
-    Notes
-    -----
-    The bins are four times finer than 1/T, in a record of 262 144 samples or more as fine as 1/T. From 4096 samples on,
-    bins as fine as 1/T are made first, and finer ones about their maxima only.
     """
-    count, fine = samples.size, 4 if samples.size < _MANY else 1
-    windowed = samples * hann(count)
-    coarse = 1 if count >= _FEW else fine
-    power = _power(np.fft.rfft(windowed, coarse * count))
-    lowest = int(np.ceil(_FEWEST_CYCLES * coarse))  # lower bins show drift, not lines
+    power = _power(spectrum)
+    lowest = int(np.ceil(_FEWEST_CYCLES))  # lower bins show drift, not lines
+    falls = power[lowest - 1] > power[lowest]
     power[:lowest] = 0.0
-    stands_out = _excess(power[None], coarse * _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
+    stands_out = _excess(power[None], _BLOCK, np.zeros((1, 1))) > LINE_LIMIT
     if stands_out.any():  # otherwise differentiated noise could exceed a line
         power[~stands_out] = 0.0
-    step = rate / (coarse * count)
-    power[lowest:] *= (2 * np.pi * step * np.arange(lowest, power.size)) ** (2 * order)
-    places = _maxima(power, _WEAK if coarse == fine else _WEAK * _SCALLOP)
-    step, lines = rate / (fine * count), []
-    for top in places:
-        place, three = top, power[top - 1 : top + 2]
-        if coarse != fine:
-            place, three = _finer(windowed, rate, top, fine, order)
-        middle = float(np.sqrt(three[1])) if three.size == 3 else 0.0
-        lines.append(Line((place + _vertex(three)) * step, place * step, middle))
+    power[lowest:] *= (2 * np.pi * resolution * np.arange(lowest, power.size)) ** (2 * order)
+    lines = []
+    for top in _maxima(power, _WEAK * _SCALLOP):
+        off = -0.5 if falls and top == lowest else _off_bin(spectrum, top)
+        size = float(np.sqrt(power[top]) * (1 + off / top) ** order / (np.sinc(off) / (1 - off**2)))
+        lines.append(Line((top + off) * resolution, round(_QUARTERS * (top + off)) / _QUARTERS * resolution, size))
     lines.sort(key=lambda line: -line.amplitude)
     return [line for line in lines if line.amplitude >= _WEAK * lines[0].amplitude]
 
@@ -115,20 +101,22 @@ def _maxima(power: FloatArray, share: float) -> list[int]:
     """Places of the maxima of a spectrum whose amplitude reaches a share of the largest; one at least."""
     largest = int(np.argmax(power))
     middle = power[1:-1]
-    tops = (middle >= power[:-2]) & (middle >= power[2:]) & (middle >= share**2 * power[largest]) & (middle > 0)
+    tops = (middle >= share**2 * power[largest]) & (middle >= power[:-2]) & (middle >= power[2:]) & (middle > 0)
     places = (np.flatnonzero(tops) + 1).tolist()
     return places if largest in places else [*places, largest]
 
 
-def _finer(windowed: FloatArray, rate: float, coarse: int, fine: int, order: int) -> tuple[int, FloatArray]:
-    """The line about a coarse bin, in bins that are finer by a factor: its bin, and the power of the three about it."""
-    bins = np.arange((coarse - 1) * fine, (coarse + 1) * fine + 1)
-    omega = 2 * np.pi * rate / (fine * windowed.size) * bins
-    blocks = Blocks(windowed[None], rate)
-    sums = Sines(blocks.grid, 0.0, 0, omega).moments(blocks.samples, 1)[0, 0]
-    power = np.abs(sums) ** 2 * omega ** (2 * order)
-    top = 1 + int(np.argmax(power[1:-1]))
-    return int(bins[top]), power[top - 1 : top + 2]
+def _off_bin(spectrum: ComplexArray, top: int) -> float:
+    """Distance of a line from the bin at its maximum under a Hann window, in bins.
+
+    For a complex sine it is exact. Other lines, n bins away, change it by 1/n^4, less than they change a bin.
+    """
+    if not 0 < top < spectrum.size - 1:
+        return 0.0
+    left, middle, right = spectrum[top - 1 : top + 2].tolist()
+    around = 2 * middle - left - right
+    off = 2 * ((left - right) / around).real if around else 0.0
+    return off if abs(off) < _FARTHEST else 0.0
 
 
 def _vertex(three: FloatArray) -> float:
@@ -140,19 +128,10 @@ def _vertex(three: FloatArray) -> float:
     return 0.5 * (left - right) / bend if bend < 0 else 0.0
 
 
-def sharpened(samples: FloatArray, rate: float, frequency: float) -> float:
-    """Frequency of a sine in samples without mean, from a first guess within a quarter of 1/T [Hz].
-
-    With a Hann window w about the middle of the record, the sums of the samples and of the samples times u, both with
-    e^{-jωu}, have a ratio with the imaginary part d sum(w u²)/sum(w), to first order in the distance d of the sine.
-    """
-    blocks, resolution = Blocks((samples * hann(samples.size))[None], rate), rate / samples.size
-    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.grid.half * resolution**2)
-    for _ in range(_STEPS):
-        still, moved, _ = blocks.sums(2 * np.pi * sharper, 1, np.empty(0))[0, :, 0]
-        if not abs(moved) < abs(still):
-            return frequency
-        sharper += float((moved / still).imag) / lever
+def sharpened(spectrum: ComplexArray, resolution: float, frequency: float) -> float:
+    """Frequency of the line near a first guess [Hz], in a spectrum under a Hann window."""
+    top = round(frequency / resolution)
+    sharper = (top + _off_bin(spectrum, top)) * resolution
     return sharper if abs(sharper - frequency) < 0.25 * resolution else frequency
 
 
@@ -160,14 +139,6 @@ def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
     """Distance of frequencies (...,) from the nearest multiple of a base frequency, which is a multiple too [Hz]."""
     values = np.asarray(frequency, dtype=float)
     return np.abs(values - base * np.maximum(np.round(values / base), 1.0))
-
-
-@lru_cache(maxsize=2)
-def hann(count: int) -> FloatArray:
-    """Hann window of a record of `count` samples."""
-    window: FloatArray = 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
-    window.flags.writeable = False
-    return window
 
 
 def peak_place(spectrum: FloatArray, index: int) -> float:
@@ -247,30 +218,31 @@ def noise_beside(fits: Sequence[SineFit], harmonics: int = 1) -> list[Noise]:
     to removed lines. If fewer than four bins remain, the noise is taken as white and as large as the whole residual.
     """
     resolution, rate = fits[0].resolution, min(fit.track.exact_rate for fit in fits)
-    lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     frequencies = fits[0].omega / (2 * np.pi) * np.arange(1, harmonics + 1)
-    used = [_offsets(frequency, resolution, rate, lines) for frequency in frequencies.tolist()]
-    widest = max((max(-offsets[0], offsets[-1]) for offsets in used if offsets.size >= _FEWEST_BINS), default=0)
+    used = _used(frequencies, resolution, rate, np.concatenate([fit.lines / (2 * np.pi) for fit in fits]))
+    enough = np.count_nonzero(used, axis=1) >= _FEWEST_BINS
+    widest = int(np.abs(_ALL_OFFSETS * (used & enough[:, None])).max())
     bins = np.concatenate([_bins(fit, harmonics, widest) for fit in fits])
     noises = []
-    for k, offsets in enumerate(used):
-        if offsets.size < _FEWEST_BINS:
+    for k, frequency in enumerate(frequencies.tolist()):
+        if not enough[k]:
             noises.append(_white(fits, rate))
             continue
+        offsets = _ALL_OFFSETS[used[k]]
         beside = bins[:, k, offsets + widest]
-        low, high = (float(frequencies[k] + offset * resolution) for offset in (offsets[0], offsets[-1]))
+        low, high = (frequency + offset * resolution for offset in offsets[[0, -1]].tolist())
         noises.append(Noise(beside @ beside.conj().T / offsets.size, (low, high), 2.0 * offsets.size))
     return noises
 
 
-def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray) -> IntArray:
-    """Offsets of the bins beside a frequency [Hz], in bins."""
-    reach = min(_MOST_BINS, int(_BAND * frequency / resolution), int((0.5 * rate - frequency) / resolution) - 1)
-    offsets = _ALL_OFFSETS[np.abs(_ALL_OFFSETS) <= reach]
+def _used(frequencies: FloatArray, resolution: float, rate: float, lines: FloatArray) -> BoolArray:
+    """Flags (frequencies, offsets) of the bins beside frequencies [Hz] that show their noise."""
+    reach = np.minimum(_BAND * frequencies / resolution, (0.5 * rate - frequencies) / resolution - 1).astype(int)
+    used = np.abs(_ALL_OFFSETS) <= reach[:, None]
     if lines.size:
-        places = frequency + offsets * resolution
-        offsets = offsets[(np.abs(places - lines[:, None]) > 1.5 * resolution).all(axis=0)]
-    return offsets
+        places = frequencies[:, None] + _ALL_OFFSETS * resolution
+        used &= (np.abs(places - lines[:, None, None]) > 1.5 * resolution).all(axis=0)
+    return np.asarray(used)
 
 
 def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:

@@ -127,7 +127,7 @@ def _stuck(row: FloatArray, rest: FloatArray, amplitude: float) -> BoolArray:
     """Flags (N,) of runs of equal samples that depart from the fit by more than a coarse converter explains."""
     steps = np.diff(row)
     flags = np.zeros(row.size, dtype=bool)
-    runs = [(low, high) for low, high in _runs(steps == 0.0) if high - low >= _RUN - 1]
+    runs = [(low, high) for low, high in runs_of(steps == 0.0) if high - low >= _RUN - 1]
     if not runs:
         return flags
     moving = np.abs(steps[steps != 0.0])
@@ -138,7 +138,7 @@ def _stuck(row: FloatArray, rest: FloatArray, amplitude: float) -> BoolArray:
     return flags
 
 
-def _runs(flags: BoolArray) -> list[tuple[int, int]]:
+def runs_of(flags: BoolArray) -> list[tuple[int, int]]:
     """First index, and index after the last, of each run of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -159,7 +159,7 @@ def _returns(fit: SineFit, flags: BoolArray) -> bool:
     track = fit.track
     turn = fit.omega * track.time + (0.0 if track.course is None else track.course.turn)
     cycles = turn / (2 * np.pi)
-    middles = np.array([cycles[(low + high - 1) // 2] for low, high in _runs(flags)])
+    middles = np.array([cycles[(low + high - 1) // 2] for low, high in runs_of(flags)])
     total = cycles[-1] - cycles[0]
     for shift in (0.0, 0.5):
         place = middles * _PHASES + shift

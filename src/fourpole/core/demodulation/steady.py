@@ -10,6 +10,7 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.envelope import ENVELOPE, Envelope, envelope
 from fourpole.core.demodulation.spectrum import median
+from fourpole.core.demodulation.spoilt import runs_of
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
@@ -137,12 +138,7 @@ def _bridged(stretches: Envelope) -> Envelope | None:
 
 def _longest(flags: BoolArray) -> tuple[int, int]:
     """First index of the longest run of true flags, and the index after its end; 0, 0 without a true flag."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2)
-    if not runs.size:
-        return 0, 0
-    first, last = runs[np.argmax(runs[:, 1] - runs[:, 0])]
-    return int(first), int(last)
+    return max(runs_of(flags), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def _steady(stretches: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:

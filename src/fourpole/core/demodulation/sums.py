@@ -31,6 +31,14 @@ _BLOCKS = 200
 _FEWEST_TURNS = 0.5
 
 
+@lru_cache(maxsize=2)
+def hann(count: int) -> FloatArray:
+    """Hann window of a record of `count` samples."""
+    window: FloatArray = 0.5 - 0.5 * np.cos(2 * np.pi / count * np.arange(count))
+    window.flags.writeable = False
+    return window
+
+
 class Grid:
     """Uniform times in M blocks of B.
 
@@ -117,10 +125,10 @@ class Blocks:
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
     """Fill a table (n, F) with start · ratio^k in column k, from k = 0; by default with ratio^(k + 1)."""
-    if table.shape[1]:
-        table[:, 0] = ratio if start is None else start
-    for k in range(1, table.shape[1]):
-        np.multiply(table[:, k - 1], ratio, out=table[:, k])
+    table[:] = ratio[:, None]
+    if start is not None:
+        table[:, 0] = start
+    np.multiply.accumulate(table, axis=1, out=table)
 
 
 class Sines:
@@ -197,8 +205,8 @@ class Sines:
         """The signals (C, N) Re sum s^p X e^{jωu} of amplitudes X (C, orders, F), and of drift (C, 4) s^p."""
         grid, (channels, orders, count) = self._grid, amplitudes.shape
         # Each block has amplitudes and a polynomial about its own middle.
-        shifts = grid.shifts[:orders, :, :orders]
-        each = np.einsum("cpf,pmq->cmqf", amplitudes, shifts) * self._middle.conj()[:, None]
+        shifts = grid.shifts[:orders, :, :orders].reshape(orders, -1).T
+        each = (shifts @ amplitudes).reshape(channels, -1, orders, count) * self._middle.conj()[:, None]
         parts = np.empty((channels, grid.middle.size, 2 * orders * count + drift.shape[1]))
         parts[:, :, : 2 * orders * count] = each.reshape(channels, grid.middle.size, -1).view(float)
         along = drift @ grid.shifts[:_DRIFT].reshape(_DRIFT, -1)

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.demodulation.sums import Blocks
+from fourpole.core.demodulation.sums import Blocks, hann
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
@@ -100,12 +100,12 @@ class Track(ByValue):
         return np.einsum("ij,ij->i", self.signals, self.signals)
 
     @cached_property
-    def trendless(self) -> FloatArray:
-        """V1 (N,) minus its mean and slope."""
+    def spectrum(self) -> ComplexArray:
+        """Spectrum (N // 2 + 1,) of V1 minus its mean and slope, under a Hann window."""
         motion = self.signals[self.names.index("motion_in")]
         index = np.arange(motion.size) - 0.5 * (motion.size - 1)
         index *= (index @ motion) / (motion.size * (motion.size**2 - 1.0) / 12.0)
-        return np.asarray(motion - np.add(index, motion.mean(), out=index))
+        return np.fft.rfft((motion - np.add(index, motion.mean(), out=index)) * hann(motion.size))
 
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:

@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, times_by
-from fourpole.io.signals import Request, Words
+from fourpole.io.signals import FileInfo, Request, Words
 from fourpole.units import shown
 
 _TICKS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 #: Rows among which the first point in time is sought.
 _TO_FIRST = 1 << 20
+#: Cells of the largest table that is read at once.
+_AT_ONCE = 1 << 22
 #: Rows of the longest column of words that is read.
 _MOST_WORDS = 100_000
 
@@ -149,25 +151,51 @@ class _Columns(Content):
 
     scan: Any = None
     name: str = ""
+    rows: int = 0
     clock: Track | None = None
+
+    def info(self) -> FileInfo:
+        """The description of the file and its channels."""
+        _check_rows(self.scan, self.rows, self.name)
+        return super().info()
 
     def asked(self, request: Request) -> list[Track]:
         """The columns of a request, and their times."""
         found = super().asked(request)
         clock = self.clock if any(one.time for one in found) else None
         names = {one.name for one in (*found, *([clock] if clock else []))}
-        read = _together(self.scan, names, self.name)
+        read = _together(self.scan, caught(self.scan.collect_schema), names, self.name, self.rows)
         time = None if clock is None else times_by(replace(clock, samples=read(clock.name)), self.name)
         return [replace(one, samples=read(one.name), time=time if one.time else None) for one in found]
 
 
-def _together(scan: Any, names: set[str], name: str) -> Callable[[str], Part]:
-    """The function that gives the one which reads a part of a column, of some that are read together."""
+def _check_rows(scan: Any, declared: int, name: str) -> None:
+    """TableError if a table has another number of rows than it declares."""
     import polars as pl
 
-    schema = caught(scan.collect_schema)
+    numbered = scan.with_row_index("fourpole").select(pl.col("fourpole").max())
+    last = caught(numbered.collect, engine="streaming").item()
+    if declared != (0 if last is None else last + 1):
+        what = f"declares {declared} rows and has {0 if last is None else last + 1}"
+        raise TableError(f"{name}: is damaged: {what}; copy or export it again")
+
+
+def _together(scan: Any, schema: Any, names: set[str], name: str, rows: int | None = None) -> Callable[[str], Part]:
+    """The function that gives the one which reads a part of a column, of some that are read together.
+
+    If the table declares so many `rows`, this is checked, and a small table is read at once.
+    """
+    import polars as pl
+
     kinds = [pl.col(one).cast(pl.Int64 if schema[one].is_temporal() else pl.Float64) for one in schema if one in names]
-    table: Any = remembered(lambda first, last: caught(scan.select(kinds).slice(first, last - first).collect))
+    query, whole = scan.select(kinds), None
+    if rows is not None and rows * len(names) <= _AT_ONCE:
+        whole = caught(query.collect)
+    if rows is not None and (whole is None or whole.height != rows):
+        _check_rows(scan, rows, name)
+
+    part_of = whole.slice if whole is not None else lambda *part: caught(query.slice(*part).collect)
+    table: Any = remembered(lambda first, last: part_of(first, last - first))
     firsts: dict[str, int] = {}
 
     def read(column: str) -> Part:
@@ -179,11 +207,9 @@ def _together(scan: Any, names: set[str], name: str) -> Callable[[str], Part]:
                 what = f"column {shown(column)} has {first + len(cells)} of {last} values"
                 raise TableError(f"{name}: is cut short: {what}; copy or export it again")
             if not kind.is_temporal():
-                return np.array(cells.fill_null(np.nan).to_numpy(), dtype=np.float64)
+                return np.asarray(cells.to_numpy())  # a missing value is not-a-number
             if isinstance(kind, pl.Datetime) and column not in firsts:
-                known = caught(scan.select(pl.col(column).cast(pl.Int64)).slice(0, _TO_FIRST).collect)[
-                    column
-                ].drop_nulls()
+                known = caught(query.select(column).slice(0, _TO_FIRST).collect)[column].drop_nulls()
                 firsts[column] = int(known[0]) if len(known) else 0
             since = (cells - firsts.get(column, 0)).cast(pl.Float64).fill_null(np.nan)
             return np.asarray(since.to_numpy() / _TICKS[kind.time_unit])
@@ -211,11 +237,6 @@ def columns(scan: Any, opened: OpenFile, form: str, notes: dict[str, str], units
     import polars as pl
 
     schema, rows = caught(scan.collect_schema), int(caught(scan.select(pl.len()).collect).item())
-    numbered = scan.with_row_index("fourpole").select(pl.col("fourpole").max())
-    last = caught(numbered.collect, engine="streaming").item()
-    if rows != (0 if last is None else last + 1):
-        what = f"declares {rows} rows and has {0 if last is None else last + 1}"
-        raise TableError(f"{opened.name}: is damaged: {what}; copy or export it again")
     moments = [one for one, kind in schema.items() if isinstance(kind, pl.Datetime | pl.Duration)]
     numbers = [one for one, kind in schema.items() if kind.is_numeric() or kind == pl.Boolean]
     clocks = moments or [one for one in numbers if is_time(one)]
@@ -224,7 +245,7 @@ def columns(scan: Any, opened: OpenFile, form: str, notes: dict[str, str], units
     def track(one: str) -> Track:
         unit = "s" if one in moments else of_name(one, units.get(one))
         barred = "" if one in moments or one in numbers else "holds no numbers"
-        return Track(one, unit, rows, _together(scan, {one}, opened.name)(one), barred=barred)
+        return Track(one, unit, rows, _together(scan, schema, {one}, opened.name)(one), barred=barred)
 
     timer = None if clock is None else track(clock)
     time, rate = (None, _rate(notes)) if timer is None else (times_by(timer, opened.name), None)
@@ -246,4 +267,6 @@ def columns(scan: Any, opened: OpenFile, form: str, notes: dict[str, str], units
         cells = caught(scan.select(pl.col(texts).cast(pl.String).fill_null("")).collect)
         return [("", one, cells[one].to_list()) for one in texts]
 
-    return _Columns(form, tracks, said[:20], sample_bytes=24, words=words, scan=scan, name=opened.name, clock=timer)
+    return _Columns(
+        form, tracks, said[:20], sample_bytes=24, words=words, scan=scan, name=opened.name, rows=rows, clock=timer
+    )
