@@ -25,9 +25,9 @@ UNSEEN = 9.0
 #: Standard uncertainties of errors of a channel that nobody states.
 _USUAL = {"gain": 0.01, "phase": 0.009, "delay": 2e-5, "low_cut": 0.05, "slope": 1e-3}
 #: Relative step of derivatives.
-_STEP = 1e-4
+_STEP = 1e-6
 #: Part of a fault that gives its derivative.
-_PART = 1e-3
+_PART = 1e-5
 
 
 def groups(lab: Laboratory) -> dict[str, tuple[str, ...]]:
