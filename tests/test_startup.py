@@ -17,7 +17,8 @@ NO_WORKERS = {
     *("fourpole.app", "fourpole.export", "fourpole.findings", "fourpole.planning", "fourpole.plot", "fourpole.report"),
     *("fourpole.core.joint", "fourpole.core.identify", "fourpole.guess", "fourpole.study.study", "fourpole.virtual"),
     *("fourpole.fitting.measured", "fourpole.fitting.modelfile", "fourpole.models.fit", "fourpole.models.interface"),
-    *("jinja2", "matplotlib", "pint", "rich", "typer", "scipy.optimize", "scipy.signal", "scipy.stats"),
+    *("jinja2", "matplotlib", "pint", "rich", "typer", "scipy.fft", "scipy.optimize", "scipy.signal"),
+    *("scipy.special", "scipy.stats"),
 }
 #: What takes long to load, and is loaded where it is used.
 SLOW = {"jinja2", "matplotlib", "pint", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"}
