@@ -153,11 +153,9 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
             columns.setdefault(head, np.full(count, np.nan))[rows] = values
     f1, v1, v2 = phasors.amplitudes.T
     force = f1 - 1j * phasors.omega * input_mass * v1
-    blocked = [test.rig in rigs and rigs[test.rig].blocked for test in points.tests]
-    sides = zip(force, v1, v2, phasors.omega, stiffness, blocked, strict=True)
-    deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
+    fixed = np.array([test.rig in rigs and rigs[test.rig].blocked for test in points.tests], dtype=bool)
+    moved = deflection_amplitude(force, v1, np.where(fixed, 0.0, v2), phasors.omega, stiffness=stiffness)
     columns |= {q.ROUTE.head: routes, q.K_OF.head: of_what}
-    moved = np.array(deflection, dtype=float)
     energy, of_loss = energy_loss(stiffness, moved), columns.get(q.LOSS.u_head, np.full(count, np.nan))
     energy_std = np.hypot(np.pi * moved**2 * of_loss, 2 * energy * moved_std)
     return {
@@ -185,10 +183,11 @@ def _moved_std(campaign: Campaign, points: Points, group: RigGroup, *, blocked: 
 
 def _keys_of(group: RigGroup, places: Sequence[int] | np.ndarray) -> _Columns:
     """The columns test, point and rig of some tests of a group."""
-    tests, points = zip(*(group.keys[place] for place in places), strict=True) if len(places) else ((), ())
+    tests, points = zip(*group.keys, strict=True) if group.keys else ((), ())
+    places = np.asarray(places, int)
     return {
-        q.TEST.head: np.array(tests, dtype=object),
-        q.POINT.head: np.array(points, int),
+        q.TEST.head: np.array(tests, dtype=object)[places],
+        q.POINT.head: np.array(points, int)[places],
         q.RIG.head: np.full(len(places), group.rig_name, dtype=object),
     }
 
@@ -202,8 +201,8 @@ def _dynamic_columns(campaign: Campaign, points: Points, columns: _Columns) -> _
     tests, taken = points.tests, of.DYNAMIC.columns
     made = {head: columns[head] for head in (*KEY, *taken) if head in columns}
     known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
-    rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
     for quantity in DERIVED:
+        rows = ({head: values[index] for head, values in known.items()} for index in range(len(tests)))
         pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
         made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
     for label in campaign.extra_columns:
