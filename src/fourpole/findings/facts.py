@@ -350,29 +350,21 @@ class Facts:
         """Nominal condition of a row: its value on each axis, in SI."""
         return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
-    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Estimate]:
-        """A quantity of a tyre by nominal condition; values that are blank or not positive are left out."""
-        return self.by_tyre(quantity).get(tyre, {})
-
     def by_tyre(self, quantity: Quantity) -> dict[str, dict[Key, Estimate]]:
-        """The same of each tyre that has a value."""
+        """A quantity of each tyre by nominal condition; values that are blank or not positive are left out."""
         place = (*quantity.heads, *quantity.over)
         if place not in self._by_tyre:
             groups: dict[str, dict[Key, list[tuple[float, float, str]]]] = {tyre: {} for tyre in self.tyres}
             for row in self.used(quantity):
                 if measured := known(row, quantity):
-                    of_tyre = groups[row["tyre"]]
-                    of_tyre.setdefault(self.key(row, quantity.over), []).append((*measured, row["test"]))
-            self._by_tyre[place] = {
-                tyre: {key: averaged(repeats[key]) for key in sorted(repeats)}
-                for tyre, repeats in groups.items()
-                if repeats
-            }
+                    key = self.key(row, quantity.over)
+                    groups[row["tyre"]].setdefault(key, []).append((*measured, row["test"]))
+            made = {tyre: {key: averaged(of[key]) for key in sorted(of)} for tyre, of in groups.items() if of}
+            self._by_tyre[place] = made
         return self._by_tyre[place]
 
     @cached_property
     def _by_tyre(self) -> dict[tuple[str, ...], dict[str, dict[Key, Estimate]]]:
-        """What `by_tyre` has found."""
         return {}
 
     @cached_property
