@@ -31,6 +31,8 @@ from fourpole.study.static import StaticRow
 from fourpole.words import plain_values, remark_of, said
 
 _Columns = dict[str, Any]
+#: Number of sources of a quantity that budget.csv names, and the name of all others together.
+_MOST_SOURCES, _OTHERS = 10, "other sources"
 
 
 def select_tables(
@@ -292,18 +294,24 @@ def _quantile_rows(groups: Sequence[RigGroup]) -> list[_Columns]:
 
 
 def _budget(group: RigGroup) -> _Columns:
-    """The sources of uncertainty of each quantity that is known, but for those that are zero."""
+    """The largest sources of uncertainty of each quantity that is known, and all others as one; none that is zero."""
     result, variance = group.result, np.stack(list(group.variance.values()))
     stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
     known = np.stack([stiffness, stiffness, stiffness, arm, arm, np.isfinite(result.tr_std)], axis=1)
     total = variance.sum(axis=0)
-    source, place, quantity = np.nonzero(known & (variance > 0) & (total > 0))
+    variance, names = np.where(known & (total > 0), variance, 0.0), [source.text for source in group.variance]
+    if len(names) > _MOST_SOURCES:
+        least = np.partition(variance, -_MOST_SOURCES, axis=0)[-_MOST_SOURCES]
+        largest = np.where(variance >= least, variance, 0.0)
+        variance = np.concatenate([largest, [(variance - largest).sum(axis=0)]])
+        names.append(_OTHERS)
+    source, place, quantity = np.nonzero(variance > 0)
     of_source = variance[source, place, quantity]
     return {
         **_keys_of(group, place),
         q.QUANTITY.head: np.array(list(OUTPUTS), dtype=object)[quantity],
         q.UNIT.head: np.array(list(OUTPUTS.values()), dtype=object)[quantity],
-        q.SOURCE.head: np.array([of_name.text for of_name in group.variance], dtype=object)[source],
+        q.SOURCE.head: np.array(names, dtype=object)[source],
         q.U.head: np.sqrt(of_source),
         q.SHARE.head: of_source / total[place, quantity],
     }
