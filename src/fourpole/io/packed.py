@@ -164,7 +164,7 @@ def _made(tree: Any, arrays: list[Any], known: Mapping[str, type]) -> Any:
     if kind == "e":
         return known[name][content]  # type: ignore[index]
     make = getattr(known[name], "model_construct", known[name])
-    return make(**{key: _made(one, arrays, known) for key, one in content.items()})
+    return make(**{key: one if type(one) in _ATOMS else _made(one, arrays, known) for key, one in content.items()})
 
 
 #: Values that are made of what JSON holds and of the arrays alone.

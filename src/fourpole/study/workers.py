@@ -19,11 +19,13 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from itertools import groupby, islice
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
+from fourpole.campaign.row import Test
 from fourpole.core.checks import CHECK_CLASSES, Check, Code, Verdict, fault_of, reported
 from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
@@ -87,9 +89,9 @@ def run_jobs(jobs: Sequence[Reduction], size: int, seconds: float, *, guarded: b
     if not guarded and not is_guarded(folder, file):
         return [*map(packed, demodulated(jobs))]
     try:
-        answers: list[Answer] = unpack(
-            child().call(demodulate_packed, list(jobs), size=size, seconds=seconds * len(jobs))
-        )
+        tests, common = [job.test for job in jobs], _common(_Common(jobs[0]))
+        answer = child().call(demodulate_packed, common, tests, size=size, seconds=seconds * len(jobs))
+        answers: list[Answer] = unpack(answer)
         return answers
     except Late as death:
         check = reported(Code.SLOW, Verdict.REJECTED, file=file, error=death.message)
@@ -102,9 +104,34 @@ def run_jobs(jobs: Sequence[Reduction], size: int, seconds: float, *, guarded: b
     return [packed(Demodulated(checks=(check,), lasting=False))] * len(jobs)
 
 
-def demodulate_packed(jobs: list[Reduction]) -> bytes:
-    """The packed results of the jobs of one file: the work of a worker process."""
-    return pack([packed(done) for done in demodulated(jobs)])
+def demodulate_packed(common: bytes, tests: list[Test]) -> bytes:
+    """The packed results of tests of one file, by the packed job without a test: the work of a worker process."""
+    return pack([packed(done) for done in demodulated([replace(_job(common), test=test) for test in tests])])
+
+
+class _Common:
+    """What the jobs of a rig have in common: two are equal if they hold the same objects."""
+
+    def __init__(self, job: Reduction) -> None:
+        self.job = job
+        self._key = tuple(id(getattr(job, one.name)) for one in fields(job) if one.name != "test")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Common) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=16)
+def _common(common: _Common) -> bytes:
+    return pack(replace(common.job, test=Test("", 0)))
+
+
+@lru_cache(maxsize=16)
+def _job(common: bytes) -> Reduction:
+    job: Reduction = unpack(common, OF_JOB)
+    return job
 
 
 def check_part_of(job: Reduction, *, guarded: bool = False) -> tuple[Check, ...]:
