@@ -254,7 +254,13 @@ class Step(ByValue):
         return float(max(shared.max(initial=0.0), each.max(initial=0.0)))
 
 
-def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0) -> Solution:
+def solve(
+    problem: Problem,
+    start: ComplexArray,
+    z: FloatArray | None = None,
+    most_steps: int = 0,
+    slope: FloatArray | None = None,
+) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
@@ -267,6 +273,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, mo
         First shared values; by default as stated.
     most_steps : int
         Largest number of steps; 0 for the usual one.
+    slope : (c, 2, q) float array, optional
+        Slope of log K* by the first q shared values, of a solution nearby.
 
     Returns
     -------
@@ -274,8 +282,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, mo
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
     z, most_steps = np.zeros(len(problem.shared)) if z is None else z, most_steps or _MOST_STEPS
-    stiffness, step, share = start, sweep(problem, z, start), 1.0
-    if problem.conditions.is_apart:  # a full sweep needs the slopes of log K*
+    stiffness, step, share = start, sweep(problem, z, start, slope), 1.0
+    if problem.conditions.is_apart and slope is None:  # a full sweep needs the slopes of log K*
         step = sweep(problem, z, start, step.slope)
     before = lowest = (z, stiffness, step)
     flat = 0
@@ -317,13 +325,17 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, mo
 
 
 def solve_either(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0
+    problem: Problem,
+    start: ComplexArray,
+    z: FloatArray | None = None,
+    most_steps: int = 0,
+    slope: FloatArray | None = None,
 ) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
     K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
     """
-    solution = solve(problem, start, z, most_steps)
+    solution = solve(problem, start, z, most_steps, slope)
     if solution.converged or not np.isfinite(problem.conditions.k1).any():
         return problem, solution
     simpler = replace(problem, conditions=problem.conditions.without_k1())
@@ -381,8 +393,8 @@ def reduced(
     roots, slope, own_step = (np.zeros((conditions.count, *shape)) for shape in ((2, 2), (2, p), (2,)))
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
-        if linear.weigh is not None:
-            weigh += float(np.sum(np.linalg.slogdet(linear.weigh)[1]))
+        if linear.log_weight is not None:
+            weigh += float(np.sum(linear.log_weight))
         columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
         if group.stop > group.start:
             if conditions.is_apart:
