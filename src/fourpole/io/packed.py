@@ -25,6 +25,7 @@ _STEP = 8
 _KINDS = "biufc"
 #: Classes whose values JSON holds as they are.
 _ATOMS = frozenset({type(None), bool, int, float, str})
+_PLAIN: tuple[Any, ...] = (int, float, str, list, tuple)
 
 
 def pack(value: Any) -> bytes:
@@ -119,24 +120,22 @@ def _object(value: Any, arrays: list[Any]) -> Any:
         return {"z": [value.real, value.imag]}
     if isinstance(value, bytes):
         return {"b": _placed(np.frombuffer(value, dtype=np.uint8), arrays)}
-    for kind in (int, float, str, list, tuple):  # of which the value's class may be one
-        if isinstance(value, kind):
-            return _plain(kind(value), arrays)
-    parts = _parts(type(value))
-    if parts is None:
-        raise TypeError(f"a {type(value).__name__} cannot be packed")
-    held = {name: part for name, default in parts if (part := getattr(value, name)) is not default}
-    return {"c": [type(value).__name__, {name: _plain(part, arrays) for name, part in held.items()}]}
+    for plain in _PLAIN:  # of which the value's class may be one
+        if isinstance(value, plain):
+            return _plain(plain(value), arrays)
+    kind: Any = type(value)
+    held = {name: part for name, default in _parts(kind) if (part := getattr(value, name)) is not default}
+    return {"c": [kind.__name__, {name: _plain(part, arrays) for name, part in held.items()}]}
 
 
 @cache
-def _parts(kind: type) -> list[tuple[str, Any]] | None:
-    """The parts of a class with the default of each; None for a class that is none of parts."""
+def _parts(kind: Any) -> list[tuple[str, Any]]:
+    """The parts of a class with the default of each; TypeError for a class that is none of parts."""
     if is_dataclass(kind):
         return [(one.name, one.default) for one in fields(kind) if one.init]
     if hasattr(kind, "model_construct"):  # a model of pydantic, whose values have been validated
         return [(name, one.default) for name, one in kind.model_fields.items()]
-    return None
+    raise TypeError(f"a {kind.__name__} cannot be packed")
 
 
 def _placed(array: Any, arrays: list[Any]) -> int:
