@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from dataclasses import replace
@@ -12,18 +13,20 @@ from statistics import median
 
 import numpy as np
 import polars as pl
-from promises import FOURPOLE, Kept, Used, at_least, at_most, in_turn, ratio, report, run
+from promises import FOURPOLE, Kept, Used, at_most, in_turn, ratio, report, run
 from recordings import Made, make_campaign
 
-#: Tests of the large and of the small campaign, and rounds.
-LARGE, SMALL, ROUNDS = 1000, 400, 3
+#: Tests of the campaign, and rounds.
+LARGE, ROUNDS = 1000, 3
 #: Most times what polars takes to read the files, with two processes each.
 READING = {"csv": 3.0, "parquet": 6.0}
-#: Two workers against one, at least.
-TWO = 1.8
+#: Most times what the script of a laboratory takes, which gives amplitudes alone.
+OVER_SCRIPT = 1.0
+#: CPU time of the calling process at 1000 tests without the joint solution, over that of importing numpy and polars.
+SERIAL_CPU = 6.0
 #: Most CPU time beyond that of a campaign of one test, a test [ms]: nothing changed; rig and uncertainty refined.
 AGAIN, REFINED = 0.3, 4.0
-READER = str(Path(__file__).parent / "read_all.py")
+READER, SCRIPT, SERIAL = (str(Path(__file__).parent / name) for name in ("read_all.py", "fit_all.py", "serial.py"))
 
 
 def analyse(made: Made, workers: int, *, fresh: bool = True) -> Used:
@@ -64,12 +67,31 @@ def against_reading(made: Made, ending: str) -> Kept:
     return at_most(work, "polars reading them in two processes", ratio(ours, theirs), READING[ending], detail)
 
 
-def against_one(made: Made) -> Kept:
-    """Two workers against one."""
-    two, one = in_turn([lambda: analyse(made, 2), lambda: analyse(made, 1)], ROUNDS)
-    took = [median(each.wall for each in used) for used in (two, one)]
-    detail = f"{took[0]:.1f} s against {took[1]:.1f} s; {check(made)}"
-    return at_least(f"{len(made.files)} recordings, two workers", "one worker", 1 / ratio(two, one), TWO, detail)
+def against_script(made: Made, ending: str) -> Kept:
+    """Two workers against the script of a laboratory in two processes, both from the command to its end."""
+
+    def script() -> Used:
+        return run([sys.executable, SCRIPT, str(made.folder / "recordings"), ending], POLARS_MAX_THREADS="1")
+
+    ours, theirs = in_turn([lambda: analyse(made, 2), script], 1)
+    detail = f"{ours[0].wall:.1f} s against {theirs[0].wall:.1f} s, one round; all of the analysis against amplitudes"
+    work = f"{LARGE} recordings of 4 x 20 000, {ending}, tables only, two workers"
+    return at_most(
+        work, "a script: polars, IEEE 1057 by lstsq, two processes", ratio(ours, theirs), OVER_SCRIPT, detail
+    )
+
+
+def serial(made: Made) -> Kept:
+    """CPU time of the calling process, less that of the joint solution, over that of importing numpy and polars."""
+    took: list[tuple[float, float]] = []
+    for _ in range(ROUNDS):
+        shutil.rmtree(made.folder / "results", ignore_errors=True)
+        done = subprocess.run([sys.executable, SERIAL, str(made.folder)], capture_output=True, text=True, check=True)
+        took.append((float(done.stdout.split()[-1]), run([sys.executable, "-c", "import numpy, polars"]).cpu))
+    ours, imports = (median(each) for each in zip(*took, strict=True))
+    detail = f"{ours:.2f} s against {imports:.2f} s of CPU time; start, tables and {ours / LARGE * 1e3:.2f} ms a test"
+    work = f"the calling process without the joint solution, {LARGE} tests"
+    return at_most(work, "import numpy, polars", median(a / b for a, b in took), SERIAL_CPU, detail)
 
 
 def again(made: Made, alone: Made) -> list[Kept]:
@@ -128,9 +150,11 @@ def main() -> None:
             made = make_campaign(Path(place, ending), LARGE, ending)
             lines.append(against_reading(made, ending))
             if ending == "csv":
+                lines.append(against_script(made, ending))
                 lines += again(made, make_campaign(Path(place, "alone"), 1, ending))
+            else:
+                lines.append(serial(made))
             shutil.rmtree(made.folder)
-        lines.append(against_one(make_campaign(Path(place, "two"), SMALL, "csv")))
     report(lines)
 
 

@@ -11,11 +11,15 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import lmfit
 import numpy as np
+import pandas as pd
 import polars as pl
+import pyfar
 import pyFRF
 import skrf
+from endaq.calc import psd
+from ieee_1057 import ieee_1057
 from promises import report
-from scipy.linalg import lstsq
+from scipy import signal
 from scipy.optimize import curve_fit, least_squares
 from side_by_side import Row, agree, compare, kept, show
 
@@ -40,6 +44,7 @@ PROMISED = {
     ("cascade, from values", "scikit-rf Network, **, .a"): 1.5,
     ("de-embed m and K3", "scikit-rf .inv, **, .a"): 20.0,
     ("H1 and coherence, 58 segments", "pyFRF"): 2.0,
+    ("H1 and coherence, 58 segments", "scipy csd, welch"): 2.0,
     ("identify 1000 tests", "scipy least_squares, loop"): 25.0,
     ("read 1 000 000 rows x 4", "polars read_csv"): 0.3,
     ("read 1 000 000 rows x 4", "numpy loadtxt"): 1.0,
@@ -53,7 +58,7 @@ NOTES = {
         frequency of its own) overlaps with the fundamental by about 1 / (pi 103 cycles), 21 terms thus by 0.015;
         five times that is 0.08. The fit of IEEE 1057 has ten harmonics, a mean and the frequency, by scipy's lstsq
         (gelsy) from a good start until the frequency changes by less than 1e-9, and ends with residual variance and
-        covariance.""",
+        covariance. pyfar gives the values of one bin, on which the frequency lies here, and no covariance.""",
     "cascade": f"""spring K*, mass and preload spring at 100 000 frequencies; force and velocity in place of voltage and
         current make a four-pole an ABCD matrix, z0 is {REFERENCE_IMPEDANCE:g} N s/m. 'product': of parts, or Networks,
         at hand. 'from values': K*, m, K3 to the chain's four-pole; a Network converts to S and back. Difference: of
@@ -62,10 +67,11 @@ NOTES = {
     "de-embed": """mass and preload spring taken off that chain, both at hand as four-poles and as Networks; ends with
         the tyre's four-pole. Difference: of K* from the truth, Fourpole's and the peer's; round-off (2e-16), ten
         operations, the tyre's small share of the chain (2e5).""",
-    "H1 and coherence": """2 channels x 120 000 samples, 58 Hann windows of 4096 that overlap by half. The peer's H1 is
-        a receptance, and it transforms on all processors. Difference: of H1 and of the coherence, relative, from the
-        third bin on; its window is symmetric, which differs by 1/4096. More than half of the peer's time goes to asking
-        for memory anew: in a process that keeps it, as one that has freed large arrays, this ratio is 1.5.""",
+    "H1 and coherence": """2 channels x 120 000 samples, 58 Hann windows of 4096 that overlap by half. pyFRF's H1 is a
+        receptance, and it transforms on all processors; the class of sdypy.FRF is the same. Difference: of H1 and of
+        the coherence, relative, from the third bin on; its window is symmetric, which differs by 1/4096. More than half
+        of its time goes to asking for memory anew: in a process that keeps it, as one that has freed large arrays, this
+        ratio is 1.5.""",
     "identify": """1000 tests. The loop solves R, I for K2, C (start at 0.7 of the truth) and stops there; Fourpole also
         gives K*, TR and all covariances, from noise, rig and K1. Difference: of K2 and C, relative; round-off, the
         condition of K2 (1e4), and room for the peer's last step.""",
@@ -102,10 +108,15 @@ def demodulation() -> list[Row]:
         return np.array([p["cosine"].value + 1j * p["sine"].value for p in found])
 
     def by_ieee_1057():
-        return np.array([_ieee_1057(time, x, 2 * np.pi * 10.3001) for x in signals])
+        return np.array([ieee_1057(time, x, 2 * np.pi * 10.3001, harmonics=10)[0] for x in signals])
 
     found = fourpole.demodulate(recording).phasors
     std = np.hypot(found.std[0::2], found.std[1::2])
+
+    def by_pyfar():
+        spectra = pyfar.Signal(signals, rate, fft_norm="amplitude")
+        at = spectra.find_nearest_frequency(10.3)
+        return spectra.freq[:, at] * np.exp(-2j * np.pi * spectra.frequencies[at] * time[0])
 
     def apart(amplitudes):
         return agree(float(np.max(np.abs(amplitudes - found.amplitudes) / std)), 0.08)
@@ -114,32 +125,12 @@ def demodulation() -> list[Row]:
         "scipy curve_fit, per channel": (by_curve_fit, apart(by_curve_fit())),
         "lmfit, per channel": (by_lmfit, apart(by_lmfit())),
         "IEEE 1057 by QR, per channel": (by_ieee_1057, apart(by_ieee_1057())),
+        "pyfar, a bin of the spectra": (by_pyfar, apart(by_pyfar())),
     }
     return [
         *compare("demodulate, 10 harmonics", lambda: fourpole.demodulate(recording), peers, rounds=15),
         *compare("demodulate, 1 harmonic", lambda: fourpole.demodulate(recording, harmonics=1), peers, rounds=15),
     ]
-
-
-def _ieee_1057(time: np.ndarray, samples: np.ndarray, omega: float, harmonics: int = 10) -> complex:
-    """The amplitude of the fundamental by the four-parameter fit of IEEE 1057 with harmonics, and its covariance."""
-    orders, found, change = np.arange(1, harmonics + 1), None, np.inf
-    while abs(change) > 1e-9 * omega:
-        angle = np.outer(time, omega * orders)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        columns = [cosine, -sine, np.ones((time.size, 1))]
-        if found is not None:
-            real, imag = found[:harmonics] * orders, found[harmonics : 2 * harmonics] * orders
-            columns.append(-time[:, None] * (sine @ real + cosine @ imag)[:, None])
-        matrix = np.hstack(columns)
-        found = lstsq(matrix, samples, lapack_driver="gelsy", check_finite=False)[0]
-        if matrix.shape[1] > 2 * harmonics + 1:
-            change = found[-1]
-            omega += change
-    rest = samples - matrix @ found
-    covariance = rest @ rest / (time.size - matrix.shape[1]) * np.linalg.inv(matrix.T @ matrix)
-    assert np.isfinite(covariance).all()
-    return complex(found[0], found[harmonics])
 
 
 def four_poles() -> list[Row]:
@@ -217,11 +208,31 @@ def random_excitation() -> list[Row]:
         )  # fmt: skip
         return peer.get_H1().ravel(), peer.get_coherence().ravel()
 
+    def by_scipy():
+        keys = {"fs": rate, "window": "hann", "nperseg": size, "noverlap": size // 2}
+        cross = signal.csd(force, motion, **keys)[1]
+        own = [signal.welch(x, **keys)[1] for x in (force, motion)]
+        return cross / own[0], np.abs(cross) ** 2 / (own[0] * own[1])
+
+    table = pd.DataFrame({"force": force, "motion": motion}, index=np.arange(count) / rate)
+
+    def by_endaq():
+        found = psd.welch(table, bin_width=rate / size)
+        return (found["motion"] / found["force"]).to_numpy()
+
     (mine, alike), (receptance, other) = ours(), by_pyfrf()
     kept = slice(3, 3 + mine.size)
     theirs = receptance[kept] * 2j * np.pi * np.arange(kept.start, kept.stop) * rate / size
     same = agree(max(float(np.max(np.abs(a / b - 1))) for a, b in ((mine, theirs), (alike, other[kept]))), 1 / size)
-    return compare("H1 and coherence, 58 segments", ours, {"pyFRF": (by_pyfrf, same)}, rounds=15)
+    h1, coherence = by_scipy()
+    of_scipy = agree(max(float(np.max(np.abs(a[kept] / b - 1))) for a, b in ((h1, mine), (coherence, alike))), 1 / size)
+    of_endaq = agree(float(np.max(np.abs(by_endaq()[kept] * alike / np.abs(mine) ** 2 - 1))), 1 / size)
+    peers = {
+        "pyFRF": (by_pyfrf, same),
+        "scipy csd, welch": (by_scipy, of_scipy),
+        "endaq psd.welch, no cross spectra": (by_endaq, of_endaq),
+    }
+    return compare("H1 and coherence, 58 segments", ours, peers, rounds=15)
 
 
 def identification() -> list[Row]:
@@ -297,7 +308,7 @@ def main() -> None:
     rows = [*demodulation(), *four_poles(), *random, *identification()]
     with tempfile.TemporaryDirectory() as folder:
         rows += reading(Path(folder))
-    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "pyFRF", "scikit-rf"])
+    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "pyFRF", "pyfar", "endaq", "scikit-rf"])
     report(kept(rows, PROMISED))
 
 

@@ -14,6 +14,7 @@ from promises import KEPT, Kept, read_kept
 PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
 START, END = "<!-- written by make bench -->", "<!-- end -->"
 SCRIPTS = {
+    "bench_reduction": "The reduction of a recording",
     "bench_core": "Parts, beside packages that do the same",
     "bench_campaign": "Whole campaigns, as users run them",
     "bench_demo": "The demonstration, beside the version before",
@@ -28,7 +29,19 @@ SCRIPTS = {
     "bench_start": "Start-up",
 }
 PACKAGES = (
-    *("numpy", "scipy", "polars", "lmfit", "scikit-rf", "pyvisco", "pyimpspec", "impedance", "pythonfmu"),
+    *(
+        "numpy",
+        "scipy",
+        "polars",
+        "lmfit",
+        "pyFRF",
+        "endaq",
+        "scikit-rf",
+        "pyvisco",
+        "pyimpspec",
+        "impedance",
+        "pythonfmu",
+    ),
     "distributed",
 )
 

@@ -1,9 +1,9 @@
 """What a process loads before it does its work: every command and every worker waits for that."""
 
-import importlib.metadata
 import os
 import subprocess
 import sys
+from importlib.metadata import packages_distributions, version
 
 import pytest
 from typer.testing import CliRunner
@@ -17,7 +17,8 @@ NO_WORKERS = {
     *("fourpole.app", "fourpole.export", "fourpole.findings", "fourpole.planning", "fourpole.plot", "fourpole.report"),
     *("fourpole.core.joint", "fourpole.core.identify", "fourpole.guess", "fourpole.study.study", "fourpole.virtual"),
     *("fourpole.fitting.measured", "fourpole.fitting.modelfile", "fourpole.models.fit", "fourpole.models.interface"),
-    *("jinja2", "matplotlib", "pint", "rich", "typer", "scipy.optimize", "scipy.signal", "scipy.stats"),
+    *("jinja2", "matplotlib", "pint", "rich", "typer", "scipy.fft", "scipy.optimize", "scipy.signal"),
+    *("scipy.special", "scipy.stats"),
 }
 #: What takes long to load, and is loaded where it is used.
 SLOW = {"jinja2", "matplotlib", "pint", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"}
@@ -39,10 +40,37 @@ def run(*arguments, code):
     )
 
 
+#: Packages that a worker process loads, with those that they load themselves.
+OF_WORKERS = {
+    *("_polars_runtime_32", "_polars_runtime_64", "_polars_runtime_compat", "numpy", "polars", "scipy"),
+    *("annotated_types", "pydantic", "pydantic_core", "typing_extensions", "typing_inspection"),
+}
+#: What an analysis that writes tables alone has no use for.
+NO_ANALYSIS = {
+    *("fourpole.fitting.modelparts", "fourpole.guess", "fourpole.plot", "fourpole.report.html"),
+    *("fourpole.ride", "fourpole.served", "fourpole.virtual", "jinja2", "matplotlib", "multiprocessing", "pint"),
+    *("scipy.fft", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats"),
+}
+
+
 def test_a_worker_loads_what_reading_and_demodulation_need():
-    loaded = loaded_by("import fourpole.study.reduce")
+    loaded = loaded_by("import fourpole.study.workers")
     assert "fourpole.core.demodulation.demodulate" in loaded
     assert not loaded & NO_WORKERS
+    packages = {name.partition(".")[0] for name in loaded - loaded_by("pass")} & set(packages_distributions())
+    assert packages - {"fourpole"} <= OF_WORKERS
+
+
+def test_an_analysis_that_writes_tables_loads_no_models_figures_or_optimizers(bench):
+    bench.dynamic("D1")
+    folder = bench.write()
+    words = run("analyse", str(folder), "--tables-only", code=0).replace("    main()", "    main(); sys.exit(0)")
+    loaded_by(words)
+    with (folder / "campaign.toml").open("a", encoding="utf-8") as statement:
+        statement.write("# another statement: what the recording gave is in the cache\n")
+    loaded = loaded_by(words)
+    assert {"fourpole.study.selection", "fourpole.findings.list"} <= loaded
+    assert loaded & NO_ANALYSIS == set()
 
 
 @pytest.mark.parametrize("arguments", ["analyse", "fit", "report", "rig", "query --frequency=10Hz", "check", "verify"])
@@ -106,7 +134,7 @@ def test_the_units_that_are_suggested_do_not_load_pint():
 
 
 def test_the_package_is_installed_with_the_version_of_the_source():
-    assert importlib.metadata.version("fourpole") == VERSION
+    assert version("fourpole") == VERSION
 
 
 def test_to_read_a_plain_table_does_not_load_pint(tmp_path):

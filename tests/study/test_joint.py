@@ -138,7 +138,15 @@ def test_the_budget_adds_up_to_the_uncertainties(rough):
         np.testing.assert_allclose(both["share [1]"], 1.0, rtol=1e-12)
     sources = set(study.budget["source"])
     assert {"sensor noise", "frequency", "gain V1", "phase F1", "moving_mass", "added mass 10 kg"} <= sources
-    assert {"K1 fit", "K1 zero", "K1 gains"} <= sources
+    assert {"K1 fit", "K1 gains", "other sources"} <= sources
+    of_result = study.budget.group_by("test", "quantity").agg(pl.len(), pl.col("source").last(), "u")
+    assert of_result["len"].max() == 11
+    for row in of_result.filter(len=11).rows(named=True):
+        least = min(row["u"][:-1])
+        assert row["source"] == "other sources"
+        assert row["u"][-1] < least * np.sqrt(
+            len(sources)
+        )  # each of the others is smaller than the least that is named
 
 
 @pytest.mark.parametrize("route", ["mobility", "relative", "transmissibility"])

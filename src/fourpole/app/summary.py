@@ -11,7 +11,6 @@ from fourpole.findings.conformity import Decision
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.digits import in_unit, with_interval
-from fourpole.report.front import verdict_line
 from fourpole.report.words.sentence import short_lines
 from fourpole.study.study import Study
 
@@ -42,6 +41,8 @@ def limit_lines(results: Study, held: Sequence[Decision]) -> list[str]:
     """The verdict on the limits in one line; none where no limits are stated."""
     if not held:
         return []
+    from fourpole.report.front import verdict_line  # with the words of the report
+
     verdict = verdict_line(results, held)
     return [f"limits: {verdict.word}: {verdict.text}"]
 

@@ -26,7 +26,6 @@ from fourpole.io.child import read_apart
 from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
-from fourpole.io.formats.workbook import first_table
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode
@@ -275,6 +274,8 @@ def statement_text(path: Path, most: int, sha256: dict[str, str], *, strict: boo
         content = read_bytes(path, max_bytes=most, label=path.name, within=path.parent)
         sha256[path.name] = hashlib.sha256(content).hexdigest()
         if path.suffix == ".xlsx":
+            from fourpole.io.formats.workbook import first_table
+
             return str(read_apart(first_table, path, path.name, label=path.name))
         if strict:
             return content.decode("utf-8-sig")

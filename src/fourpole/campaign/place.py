@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -41,7 +42,7 @@ def inside(folder: Path, file: str) -> Path:
         path = (folder / file).resolve()
         if "#" in file and not path.exists():
             path = (folder / file.rpartition("#")[0]).resolve()
-        within = path.is_relative_to(folder.resolve())
+        within = path.is_relative_to(os.path.realpath(folder))
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"file {name} cannot be looked up: {getattr(error, 'strerror', None) or error}") from None
     if not within:
@@ -58,7 +59,10 @@ def group_of(path: Path, file: str) -> str:
 def check_text(folder: Path, file: str) -> None:
     """FileError if the text alone shows that a path names no file of a campaign: by `check_name`, or another drive."""
     check_name(file)
-    check_name(file.rpartition("#")[0])
+    if "#" in file:
+        check_name(file.rpartition("#")[0])
+    if not (":" in file or "\\" in file or file.startswith("/")):
+        return
     windows = PureWindowsPath(file)
     if (windows.root or sys.platform == "win32") and windows.drive.lower() not in ("", folder.absolute().drive.lower()):
         raise FileError(

@@ -12,7 +12,7 @@ from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import stiffness_by, transmissibility_route
+from fourpole.core.routes import stiffness_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,38 +42,41 @@ class Alone(ByRows):
     @classmethod
     def of(cls, phasors: Phasors, rigs: Sequence[Rig | None], added: FloatArray) -> Alone:
         """K* of N tests on their rigs, with their added masses [kg]."""
-        rows = [_alone(phasors.part(row), rig, mass) for row, (rig, mass) in enumerate(zip(rigs, added, strict=True))]
+        which = np.array([id(rig) for rig in rigs])
+        rows = [np.flatnonzero(which == one) for one in dict.fromkeys(which.tolist())]
+        found = [_alone(phasors.part(of_rig), rigs[of_rig[0]], added[of_rig]) for of_rig in rows]
+        order = np.argsort(np.concatenate([np.zeros(0, int), *rows]))
         kinds = (complex, float, float, float, complex)
-        return cls(*(np.array([row[place] for row in rows], dtype=kind) for place, kind in enumerate(kinds)))
+        columns = zip(*found, strict=True) if found else [[]] * len(kinds)
+        return cls(
+            *(
+                np.concatenate([np.zeros(0, kind), *of_rigs])[order]
+                for of_rigs, kind in zip(columns, kinds, strict=True)
+            )
+        )
 
 
-def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, float, float, float, complex]:
-    """The row of one test."""
-    omega = float(phasors.omega)
-    f1, v1, v2 = phasors.amplitudes
-    force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
+def _alone(phasors: Phasors, rig: Rig | None, added: FloatArray) -> tuple[np.ndarray, ...]:
+    """The columns of the tests on one rig."""
+    omega = phasors.omega
+    f1, v1, v2 = phasors.amplitudes.T
     blocked = rig is not None and rig.blocked
+    lost = ~np.isfinite(v2) | blocked
     with np.errstate(all="ignore"):
-        if blocked or not np.isfinite(v2):
-            impedance = np.inf if rig is None or blocked else complex(rig.impedance(omega, added))
-            stiffness = stiffness_by("mobility", [np.asarray(a) for a in (force, v1, v2)], impedance, omega)
-            lever, slopes = 0j, np.array([1 / f1, -1 / v1, 0.0])
-        elif rig is not None and not np.isfinite(f1):
-            stiffness = transmissibility_route(v2 / v1, rig.impedance(omega, added), omega)
-            lever = complex(np.divide(v1, v1 - v2))
-            slopes = lever * np.array([0.0, -1 / v1, 1 / v2])
-        else:
-            stiffness = stiffness_by("relative", [np.asarray(a) for a in (force, v1, v2)], 0.0, omega)
-            lever = complex(np.divide(v1, v1 - v2))
-            slopes = np.array([1 / f1, -1 / (v1 - v2), 1 / (v1 - v2)])
-        moved = deflection_amplitude(force, v1, v2, omega, stiffness=complex(stiffness), blocked=blocked)
-    # The larger standard uncertainty of both parts of ln K*, by its slopes.
-    turn = np.zeros((2, 6))
-    turn[0, 0::2], turn[0, 1::2], turn[1, 0::2], turn[1, 1::2] = slopes.real, -slopes.imag, slopes.imag, slopes.real
-    covariance = np.where(np.isfinite(phasors.covariance), phasors.covariance, 0.0)
-    with np.errstate(all="ignore"):
-        noise = float(np.sqrt(np.max(np.diag(turn @ covariance @ turn.T))))
-    return complex(stiffness), noise, float(moved), float(phasors.frequency), lever
+        force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
+        impedance = np.inf if rig is None or blocked else rig.impedance(omega, added)
+        no_force = ~lost & ~np.isfinite(f1) & (rig is not None)
+        ways = [stiffness_by(one, (force, v1, v2), impedance, omega) for one in ("mobility", "transmissibility")]
+        stiffness = np.select([lost, no_force], ways, stiffness_by("relative", (force, v1, v2), impedance, omega))
+        lever, none = np.where(lost, 0.0, v1 / (v1 - v2)), np.zeros_like(v1)
+        by_force, by_motion = (1 / f1, -1 / v1, none), (1 / f1, -1 / (v1 - v2), 1 / (v1 - v2))
+        slopes = np.select([lost, no_force], [by_force, (none, -lever / v1, lever / v2)], by_motion).T
+        moved = deflection_amplitude(force, v1, v2, omega, stiffness=stiffness, blocked=blocked)
+        # The larger standard uncertainty of both parts of ln K*, by its slopes.
+        turn = np.stack([parts(slopes.conj()), parts(1j * slopes.conj())], axis=1).reshape(-1, 2, 6)
+        covariance = np.where(np.isfinite(phasors.covariance), phasors.covariance, 0.0)
+        noise = np.sqrt(np.einsum("nki,nij,nkj->nk", turn, covariance, turn).max(axis=1))
+    return stiffness, noise, moved, phasors.frequency, lever
 
 
 def deflection_std(

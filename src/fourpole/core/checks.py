@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
+from functools import cached_property
 from math import inf, nan
 from typing import Any
 
@@ -126,7 +127,7 @@ class Code(Enum):
     CALIBRATION = "calibration"
     CALIBRATION_UNUSED = "calibration unused"
 
-    @property
+    @cached_property
     def text(self) -> str:
         """Its name on disk."""
         return self.value
@@ -136,7 +137,7 @@ class Code(Enum):
         """Whether the limit is the least good statistic; it is the largest one of every other code."""
         return self in (Code.MAINS, Code.PASSIVE_ARM)
 
-    @property
+    @cached_property
     def quantity(self) -> Asked:
         """What the check bears on; K2, C and TR follow from K*, so what bears on K* bears on them, too."""
         return Asked.ARM if self in _OF_ARM else Asked.STIFFNESS

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from cmath import isfinite, phase, rect
 from itertools import combinations
-from math import inf, nan
+from math import cos, degrees, hypot, inf, nan, sin
 from typing import Any
 
 import numpy as np
@@ -88,13 +89,13 @@ def check_noise(demodulation: Demodulation, names: tuple[str, ...]) -> list[Chec
 
 def check_excitation(demodulation: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Compare the standard uncertainty of each amplitude with the amplitude, to find channels that do not move."""
-    rows = []
-    for i, name in enumerate(names):
-        amplitude = abs(complex(demodulation.phasors.amplitudes[i]))
-        if np.isfinite(amplitude):
-            relative = float(demodulation.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
-            rows.append(judged(Code.EXCITATION, relative, 0.05, 0.2, name, hertz=float(demodulation.phasors.frequency)))
-    return rows
+    phasors = demodulation.phasors
+    sizes, stds = np.abs(phasors.amplitudes).tolist(), phasors.std.reshape(3, 2).max(axis=1).tolist()
+    return [
+        judged(Code.EXCITATION, std / size if size > 0 else inf, 0.05, 0.2, name, hertz=float(phasors.frequency))
+        for name, size, std in zip(names, sizes, stds, strict=True)
+        if isfinite(size)
+    ]
 
 
 def check_mains(demodulation: Demodulation) -> Check:
@@ -121,7 +122,7 @@ def check_spoilt(demodulation: Demodulation, names: tuple[str, ...]) -> list[Che
 
 #: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The error of K*
 #: of the whole recording is then up to half of it. K* of rubber that warms in a recording changes by 1 or 2 %.
-_CHANGES = np.array([0.05, 0.03])
+_CHANGES = (0.05, 0.03)
 #: A change must exceed this many standard uncertainties, or the change of the speed times the sharpness of a resonance.
 _CHANGE_NOISE, _SHARPNESS = 5.0, 30.0
 #: The other channels agree if they change against each other by less than this share of the change.
@@ -130,13 +131,15 @@ _AGREE = 0.3
 
 def check_halves(demodulation: Demodulation, names: tuple[str, ...]) -> Check:
     """Compare the channels' changes between the halves: one channel that changes against the others drifts."""
-    there = np.flatnonzero(np.isfinite(demodulation.changes[:, 0])).tolist()
-    std = 2.0 * demodulation.phasors.std.reshape(3, 2).max(axis=1) / np.abs(demodulation.phasors.amplitudes)
-    limits = _CHANGES + _SHARPNESS * abs(demodulation.speed_change)
+    phasors, changes = demodulation.phasors, demodulation.changes.tolist()
+    there = [i for i, (gain, _) in enumerate(changes) if isfinite(gain)]
+    std = (2.0 * phasors.std.reshape(3, 2).max(axis=1) / np.abs(phasors.amplitudes)).tolist()
+    limits = [change + _SHARPNESS * abs(demodulation.speed_change) for change in _CHANGES]
     pairs = {}  # change of one channel against another, in its limits [1]
     for i, k in combinations(there, 2):
-        least = np.maximum(limits, _CHANGE_NOISE * np.hypot(std[i], std[k]))
-        pairs[i, k] = float(np.max(np.abs(demodulation.changes[i] - demodulation.changes[k]) / least))
+        noise = _CHANGE_NOISE * hypot(std[i], std[k])
+        parts = zip(changes[i], changes[k], limits, strict=True)
+        pairs[i, k] = max(abs(one - other) / max(noise, limit) for one, other, limit in parts)
     worst = max(pairs.values(), default=0.0)
     if not worst > 1.0:
         return Check(Code.HALVES, Verdict.OK, worst, 1.0)
@@ -145,10 +148,10 @@ def check_halves(demodulation: Demodulation, names: tuple[str, ...]) -> Check:
     lone = len(there) == 3 and pairs[near] < _AGREE * worst
     which = odd[0] if lone else there[0]
     others = [i for i in there if i != which]
-    gain, phase = (demodulation.changes[which] - np.mean(demodulation.changes[others], axis=0)).tolist()
+    gain, turn = (np.array(changes[which]) - np.mean([changes[i] for i in others], axis=0)).tolist()
     change: dict[str, Any] = {"gain": gain}
-    if abs(phase) / limits[1] > abs(gain) / limits[0]:
-        change = {"phase": phase, "ppm": abs(2e6 * phase / (2 * np.pi * demodulation.cycles))}
+    if abs(turn) / limits[1] > abs(gain) / limits[0]:
+        change = {"phase": turn, "ppm": abs(2e6 * turn / (2 * np.pi * demodulation.cycles))}
     change |= {"others": tuple(names[i] for i in others), "specimen": not (lone and names[which] != "V1")}
     return reported(Code.HALVES, Verdict.WARNING, worst, 1.0, names[which], **change)
 
@@ -209,14 +212,14 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     impedance = complex(rig.impedance(omega, added_mass))
     needed = impedance * v2
     force = f1 - 1j * omega * rig.input_mass * v1
-    if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
+    if not (isfinite(force) and isfinite(needed)) or needed == 0:
         return Check(Code.CONSISTENCY, Verdict.OK, nan, INCONSISTENT)
     ratio = force / needed
-    size, degrees = abs(ratio), np.degrees(np.angle(ratio))
+    size, angle = abs(ratio), degrees(phase(ratio))
     looks = [look for factor, look in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
     if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
         looks.append(Looks.V1_V2_EXCHANGED)
-    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=degrees, looks=tuple(looks))
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=angle, looks=tuple(looks))
 
 
 #: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is
@@ -332,14 +335,15 @@ def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: floa
     if moved is None:
         return np.nan, np.nan, False
     deflection = (v1 - moved) / jw
-    ratio = force[0] / deflection[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = np.asarray(ratio * number ** (2 * np.clip(np.angle(ratio), 0.0, np.pi) / np.pi))
+        ratio = complex(force[0] / deflection[0])
+        turn = phase(ratio)
+        stiffness = ratio * number ** (2 * max(turn, 0.0) / np.pi)
     noise = harmonics.std
     far = 0.0 if blocked or np.isnan(v2[0]) else noise[2]
     spread = np.hypot(noise[0], np.abs(stiffness / jw) * np.hypot(noise[1], far))
     explained = stiffness * deflection
-    allowed = _departure(np.angle(ratio), number, omega) * np.abs(explained)
+    allowed = _departure(turn, number, omega) * np.abs(explained)
     own = np.maximum(np.abs(force - explained) - (allowed + _NOISE * spread), 0.0)
     specimen = float(np.linalg.norm(own[clear]) / np.abs(force[0]))
     if needed is None or np.isnan(v2[0]):
@@ -366,13 +370,13 @@ def _moved(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None, *
     return v2
 
 
-def _departure(phase: float, number: FloatArray, omega: float) -> FloatArray:
+def _departure(turn: float, number: FloatArray, omega: float) -> FloatArray:
     """Largest relative departure of a linear specimen's K* at the harmonics from its power law, (n,) [1]."""
-    delta = float(np.clip(phase, 0.0, 0.5 * np.pi))
-    turn, power = np.exp(-1j * delta), number ** (2 * delta / np.pi)
-    beside = (np.cos(delta) + 1j * number * np.sin(delta)) * turn
-    behind = 1j * number * turn / (np.sin(delta) + 1j * number * np.cos(delta))
-    rubber = np.maximum(np.abs(beside / power - 1), np.abs(behind / power - 1))
+    delta = min(max(turn, 0.0), 0.5 * np.pi)
+    elastic, viscous, back = cos(delta), 1j * sin(delta), rect(1.0, -delta) / number ** (2 * delta / np.pi)
+    beside = (elastic + number * viscous) * back
+    behind = number * back / (elastic * number - viscous)
+    rubber = np.maximum(np.abs(beside - 1), np.abs(behind - 1))
     share = np.minimum((number * omega / (2 * np.pi * _NATURAL)) ** 2, 1.0)
     with np.errstate(divide="ignore"):
         return np.asarray(np.minimum(number - 1, rubber + share / (1 - share)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from fourpole.core.stats import share_within
 from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key
 from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
-from fourpole.ride.compare import RideComparison
-from fourpole.ride.contact import LoadDeflection
 from fourpole.study.record import section
 from fourpole.study.study import Study
+
+if TYPE_CHECKING:
+    from fourpole.ride.compare import RideComparison
+    from fourpole.ride.contact import LoadDeflection
 
 #: The quantities that limits may be stated for, by their keys.
 LIMITED: dict[str, Quantity] = {

@@ -6,7 +6,7 @@ import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 from math import inf, isfinite, sqrt
 from typing import Any, Protocol, TypeVar
@@ -350,17 +350,22 @@ class Facts:
         """Nominal condition of a row: its value on each axis, in SI."""
         return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
-    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Estimate]:
-        """A quantity of a tyre by nominal condition; values that are blank or not positive are left out."""
-        groups: dict[Key, list[tuple[float, float, str]]] = {}
-        for row in self.used(quantity):
-            if row["tyre"] == tyre and (measured := known(row, quantity)):
-                groups.setdefault(self.key(row, quantity.over), []).append((*measured, row["test"]))
-        return {key: averaged(groups[key]) for key in sorted(groups)}
-
     def by_tyre(self, quantity: Quantity) -> dict[str, dict[Key, Estimate]]:
-        """The same of each tyre that has a value."""
-        return {tyre: values for tyre in self.tyres if (values := self.values(quantity, tyre))}
+        """A quantity of each tyre by nominal condition; values that are blank or not positive are left out."""
+        place = (*quantity.heads, *quantity.over)
+        if place not in self._by_tyre:
+            groups: dict[str, dict[Key, list[tuple[float, float, str]]]] = {tyre: {} for tyre in self.tyres}
+            for row in self.used(quantity):
+                if measured := known(row, quantity):
+                    key = self.key(row, quantity.over)
+                    groups[row["tyre"]].setdefault(key, []).append((*measured, row["test"]))
+            made = {tyre: {key: averaged(of[key]) for key in sorted(of)} for tyre, of in groups.items() if of}
+            self._by_tyre[place] = made
+        return self._by_tyre[place]
+
+    @cached_property
+    def _by_tyre(self) -> dict[tuple[str, ...], dict[str, dict[Key, Estimate]]]:
+        return {}
 
     @cached_property
     def curves(self) -> dict[tuple[str, Setup], dict[Key, Curve]]:
@@ -427,6 +432,7 @@ def pairs(means: Mapping[Name, float]) -> list[tuple[Name, Name]]:
     return [(order[0], order[-1])]
 
 
+@lru_cache(maxsize=100_000)
 def natural(name: str) -> tuple[Any, ...]:
     """A key that sorts D2 before D10, 1.35bar before 1.7bar, and the date 2026.9.1 before 2026.10.1."""
     parts = re.split(r"((?<![0-9.])[0-9]+\.[0-9]+(?!\.?[0-9])|[0-9]+)", name)
@@ -450,9 +456,12 @@ def _setup(row: Mapping[str, Any]) -> Setup:
 
 def averaged(repeats: Sequence[tuple[float, float, str]]) -> Estimate:
     """Mean of repeats; its uncertainty is that of their scatter or the mean stated one, whichever is larger."""
+    if len(repeats) == 1:
+        ((value, std, test),) = repeats
+        return Estimate(value, std, (test,))
     values = np.array([value for value, _, _ in repeats])
     stated = float(np.mean([std for _, std, _ in repeats]))
-    scatter = float(values.std(ddof=1)) / sqrt(values.size) if values.size > 1 else 0.0
+    scatter = float(values.std(ddof=1)) / sqrt(values.size)
     return Estimate(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
 
 
@@ -478,7 +487,8 @@ def _nominal(values: Sequence[float], axis: Axis, used: Set[float]) -> dict[floa
     for value, group in zip(values, axis.groups(values).tolist(), strict=True):
         groups.setdefault(group, []).append(value)
     shown = {number: [value for value in group if value in used] or group for number, group in groups.items()}
-    return {value: float(np.median(shown[number])) for number, group in groups.items() for value in group}
+    medians = {number: float(np.median(group)) for number, group in shown.items()}
+    return {value: medians[number] for number, group in groups.items() for value in group}
 
 
 def _snapped(frequency: float) -> float:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import atan2, hypot, isfinite, nan
 from typing import Any
 
 from fourpole import quantities as q
-from fourpole.core.polar import polar
 from fourpole.quantities import Quantity
 
 
@@ -27,8 +26,9 @@ def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | 
     if storage is None or loss is None:
         return None
     (re, u_re), (im, u_im), corr = storage, loss, row.get(q.CORR_K.head) or 0.0
-    values, slopes = polar(complex(re, im))
-    place = 0 if quantity.key == q.MODULUS.key else 1
-    by_re, by_im = slopes[place].tolist()
+    size, modulus = hypot(re, im), quantity.key == q.MODULUS.key
+    if not size:
+        return (0.0, nan)
+    by_re, by_im = (re / size, im / size) if modulus else (-im / size**2, re / size**2)  # as `core.polar` has them
     variance = (by_re * u_re) ** 2 + (by_im * u_im) ** 2 + 2 * corr * by_re * by_im * u_re * u_im
-    return float(values[place]), max(variance, 0.0) ** 0.5
+    return size if modulus else atan2(im, re), max(variance, 0.0) ** 0.5

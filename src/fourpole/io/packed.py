@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ _HEAD = 12
 #: Each array begins at a multiple of this number of bytes.
 _STEP = 8
 _KINDS = "biufc"
+#: Classes whose values JSON holds as they are.
+_ATOMS = frozenset({type(None), bool, int, float, str})
+_PLAIN: tuple[Any, ...] = (int, float, str, list, tuple)
 
 
 def pack(value: Any) -> bytes:
@@ -90,38 +94,48 @@ def unpack(content: bytes | bytearray, classes: Iterable[type] = ()) -> Any:
 
 def _plain(value: Any, arrays: list[Any]) -> Any:
     """A value for JSON; each array is replaced by its place in `arrays`."""
-    if value is None or (isinstance(value, bool | int | float | str) and not isinstance(value, Enum)):
-        return float(value) if isinstance(value, np.floating) else value
-    if isinstance(value, np.bool_ | np.integer):
-        return value.item()
-    if isinstance(value, list):
-        return [_plain(one, arrays) for one in value]
-    if isinstance(value, tuple):
+    kind = type(value)
+    if kind in _ATOMS:
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in _KINDS:
+        return {"a": _placed(value, arrays)}
+    if kind is tuple:
         return {"t": [_plain(one, arrays) for one in value]}
+    if kind is list:
+        return [_plain(one, arrays) for one in value]
+    if isinstance(value, Enum):
+        return {"e": [kind.__name__, value.name]}
     if isinstance(value, Mapping):
         return {"d": [[_plain(key, arrays), _plain(one, arrays)] for key, one in value.items()]}
+    if isinstance(value, np.generic):
+        return _plain(value.item(), arrays)
     return _object(value, arrays)
 
 
-def _object(value: Any, arrays: list[Any]) -> dict[str, Any]:
-    """An object for JSON: its kind and its content."""
+def _object(value: Any, arrays: list[Any]) -> Any:
+    """An object for JSON: its kind and its content; a part that is the default of its class is left out."""
     if isinstance(value, Path):
         return {"p": str(value)}
     if isinstance(value, complex):
         return {"z": [value.real, value.imag]}
     if isinstance(value, bytes):
         return {"b": _placed(np.frombuffer(value, dtype=np.uint8), arrays)}
-    if isinstance(value, Enum):
-        return {"e": [type(value).__name__, value.name]}
-    if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _KINDS:
-        return {"a": _placed(np.ascontiguousarray(value).reshape(value.shape), arrays)}
-    if is_dataclass(value) and not isinstance(value, type):
-        names = [one.name for one in fields(value) if one.init]
-    elif hasattr(type(value), "model_construct"):  # a model of pydantic, whose values have been validated
-        names = list(type(value).model_fields)
-    else:
-        raise TypeError(f"a {type(value).__name__} cannot be packed")
-    return {"c": [type(value).__name__, {name: _plain(getattr(value, name), arrays) for name in names}]}
+    for plain in _PLAIN:  # of which the value's class may be one
+        if isinstance(value, plain):
+            return _plain(plain(value), arrays)
+    kind: Any = type(value)
+    held = {name: part for name, default in _parts(kind) if (part := getattr(value, name)) is not default}
+    return {"c": [kind.__name__, {name: _plain(part, arrays) for name, part in held.items()}]}
+
+
+@cache
+def _parts(kind: Any) -> list[tuple[str, Any]]:
+    """The parts of a class with the default of each; TypeError for a class that is none of parts."""
+    if is_dataclass(kind):
+        return [(one.name, one.default) for one in fields(kind) if one.init]
+    if hasattr(kind, "model_construct"):  # a model of pydantic, whose values have been validated
+        return [(name, one.default) for name, one in kind.model_fields.items()]
+    raise TypeError(f"a {kind.__name__} cannot be packed")
 
 
 def _placed(array: Any, arrays: list[Any]) -> int:
@@ -149,7 +163,7 @@ def _made(tree: Any, arrays: list[Any], known: Mapping[str, type]) -> Any:
     if kind == "e":
         return known[name][content]  # type: ignore[index]
     make = getattr(known[name], "model_construct", known[name])
-    return make(**{key: _made(one, arrays, known) for key, one in content.items()})
+    return make(**{key: one if type(one) in _ATOMS else _made(one, arrays, known) for key, one in content.items()})
 
 
 #: Values that are made of what JSON holds and of the arrays alone.

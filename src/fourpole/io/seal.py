@@ -17,6 +17,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from json.encoder import encode_basestring
 from typing import Any
 
 KEY, METHOD = "seal", "SHA-256 of the canonical form of RFC 8785"
@@ -52,8 +53,10 @@ def canonical(value: Any) -> str:
     >>> canonical({"numbers": [333333333.33333329, 1e30, 4.50, 2e-3, 1e-27, -0.0], "a": [True, None, "\u20ac\n"]})
     '{"a":[true,null,"€\\n"],"numbers":[333333333.3333333,1e+30,4.5,0.002,1e-27,0]}'
     """
-    if isinstance(value, bool) or value is None or isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, str):
+        return encode_basestring(value)
+    if isinstance(value, bool) or value is None:
+        return json.dumps(value)
     if isinstance(value, int | float):
         return _number(value)
     if isinstance(value, list):
@@ -65,8 +68,8 @@ def canonical(value: Any) -> str:
 
 def _object(texts: Mapping[str, str]) -> str:
     """The canonical form of an object, from those of its values."""
-    keys = sorted(texts, key=lambda key: key.encode("utf-16-be"))
-    return f"{{{','.join([f'{json.dumps(key, ensure_ascii=False)}:{texts[key]}' for key in keys])}}}"
+    keys = sorted(texts, key=None if "".join(texts).isascii() else lambda key: key.encode("utf-16-be"))
+    return f"{{{','.join([f'{encode_basestring(key)}:{texts[key]}' for key in keys])}}}"
 
 
 def _number(value: float) -> str:

@@ -78,7 +78,7 @@ class Ply:
 
     def values(self, quantity: Quantity) -> Values:
         """A quantity of the tyre by nominal condition, in SI."""
-        return self.facts.values(quantity, self.name)
+        return self.facts.by_tyre(quantity).get(self.name, {})
 
     @cached_property
     def curves(self) -> Mapping[Key, Curve]:

@@ -181,7 +181,9 @@ def _where(one: ConditionFile) -> str:
 def rising_damping(facts: Facts, tyre: str) -> list[str]:
     """The sentence that says why no passive specimen is like one whose C rises with frequency; none if it does not."""
     for name in facts.tyres:
-        found = trend_of(q.C, name, facts.values(q.C, name), "frequency") if facts.stated(name) == tyre else None
+        found = (
+            trend_of(q.C, name, facts.by_tyre(q.C).get(name, {}), "frequency") if facts.stated(name) == tyre else None
+        )
         if found is not None and found.holds is Holds.RISES and isinstance(found.detail, Trend):
             rise = percent(found.detail.mean.value)
             text = f"No massless, relaxing specimen has a C that rises with frequency, as here by {rise}"

@@ -35,11 +35,11 @@ def verdict_columns(campaign: Campaign, points: Points) -> dict[q.Quantity, list
     }
     stated = Asked.ARM in campaign.stated.analysis.quantities
     for asked, checks in zip(_asked(campaign, points), points.checks, strict=True):
-        bearing = [(check.code.quantity, check.verdict) for check in checks]
-        columns[q.VERDICT].append(worst_verdict(check.verdict for check in checks if stated or not _says_no_arm(check)))
+        doubts = [check for check in checks if check.verdict is not Verdict.OK]
+        columns[q.VERDICT].append(worst_verdict(check.verdict for check in doubts if stated or not _says_no_arm(check)))
         columns[q.REMARKS].append("; ".join(dict.fromkeys(filter(None, map(remark_of, checks)))))
         for quantity, column in _COLUMNS.items():
-            verdicts = (verdict for on, verdict in bearing if on in (Asked.STIFFNESS, quantity))
+            verdicts = (check.verdict for check in doubts if check.code.quantity in (Asked.STIFFNESS, quantity))
             columns[column].append(worst_verdict(verdicts) if quantity in asked else "")
     return columns
 
@@ -63,7 +63,8 @@ def _asked(campaign: Campaign, points: Points) -> Iterator[frozenset[Asked]]:
 
 def _bearing(checks: Sequence[Check], quantities: Collection[Asked]) -> tuple[Check, ...]:
     """The checks that bear on some quantities; what bears on K* bears on all."""
-    return tuple(check for check in checks if check.code.quantity in (Asked.STIFFNESS, *quantities))
+    bearing = {Asked.STIFFNESS, *quantities}
+    return tuple(check for check in checks if check.code.quantity in bearing)
 
 
 def _says_no_arm(check: Check) -> bool:

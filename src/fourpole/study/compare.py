@@ -10,13 +10,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
+from math import log, sqrt
 
 import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import begun_at, condition_of, condition_words
-from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Check, Code, Verdict, judged, reported
@@ -313,7 +313,7 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         return
     # Where the noise explains the test, what F1/V2 - Zr leaves of it is chi-square with 2 degrees of freedom.
     left = joint.residuals
-    limit = float(np.sqrt(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), 2) / 2))  # for all tests
+    limit = sqrt(-log(SEARCH_CHANCE / max(left.rig.size, 1)))  # for all tests
     factor = float(joint.outlier[place])
     if factor > 1 or left.rig_dof[place] >= 2:
         times = float(np.sqrt(factor if factor > 1 else left.rig[place] / 2))

@@ -50,7 +50,7 @@ KEYS = {
 
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:
     """Write the record into the new folder of `publishing`, which adds the list of the results."""
-    write_text(folder / LIST, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+    write_text(folder / LIST, json.dumps(record, ensure_ascii=False))
 
 
 def units_beside(path: Path) -> ShownUnits:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from fourpole import units
 from fourpole.core.arrays import FloatArray
 from fourpole.core.chain import Calibrated
 from fourpole.errors import TableError, UnitError
-from fourpole.io.text import TextTable, read_table
+
+if TYPE_CHECKING:
+    from fourpole.io.text import TextTable
 
 #: Kind of quantity of each column.
 _COLUMNS = {"frequency": "frequency", "gain": "ratio", "phase": "angle", "u(gain)": "ratio", "u(phase)": "angle"}
@@ -34,6 +37,8 @@ def read_response(path: Path, label: str) -> Calibrated:
     FileError, TableError
         If the table cannot be read, or a column is missing or has no unit of its kind.
     """
+    from fourpole.io.text import read_table  # with the layouts of text, which few campaigns have a table in
+
     table = read_table(path, max_bytes=_MOST_BYTES, label=label)
     columns = {name: _column(table, name, kind, label) for name, kind in _COLUMNS.items() if _place(table, name)}
     for name in ("frequency", "gain", "phase"):

@@ -31,6 +31,8 @@ from fourpole.study.static import StaticRow
 from fourpole.words import plain_values, remark_of, said
 
 _Columns = dict[str, Any]
+#: Number of sources of a quantity that budget.csv names, and the name of all others together.
+_MOST_SOURCES, _OTHERS = 10, "other sources"
 
 
 def select_tables(
@@ -153,11 +155,9 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
             columns.setdefault(head, np.full(count, np.nan))[rows] = values
     f1, v1, v2 = phasors.amplitudes.T
     force = f1 - 1j * phasors.omega * input_mass * v1
-    blocked = [test.rig in rigs and rigs[test.rig].blocked for test in points.tests]
-    sides = zip(force, v1, v2, phasors.omega, stiffness, blocked, strict=True)
-    deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
+    fixed = np.array([test.rig in rigs and rigs[test.rig].blocked for test in points.tests], dtype=bool)
+    moved = deflection_amplitude(force, v1, np.where(fixed, 0.0, v2), phasors.omega, stiffness=stiffness)
     columns |= {q.ROUTE.head: routes, q.K_OF.head: of_what}
-    moved = np.array(deflection, dtype=float)
     energy, of_loss = energy_loss(stiffness, moved), columns.get(q.LOSS.u_head, np.full(count, np.nan))
     energy_std = np.hypot(np.pi * moved**2 * of_loss, 2 * energy * moved_std)
     return {
@@ -185,10 +185,11 @@ def _moved_std(campaign: Campaign, points: Points, group: RigGroup, *, blocked: 
 
 def _keys_of(group: RigGroup, places: Sequence[int] | np.ndarray) -> _Columns:
     """The columns test, point and rig of some tests of a group."""
-    tests, points = zip(*(group.keys[place] for place in places), strict=True) if len(places) else ((), ())
+    tests, points = zip(*group.keys, strict=True) if group.keys else ((), ())
+    places = np.asarray(places, int)
     return {
-        q.TEST.head: np.array(tests, dtype=object),
-        q.POINT.head: np.array(points, int),
+        q.TEST.head: np.array(tests, dtype=object)[places],
+        q.POINT.head: np.array(points, int)[places],
         q.RIG.head: np.full(len(places), group.rig_name, dtype=object),
     }
 
@@ -202,8 +203,8 @@ def _dynamic_columns(campaign: Campaign, points: Points, columns: _Columns) -> _
     tests, taken = points.tests, of.DYNAMIC.columns
     made = {head: columns[head] for head in (*KEY, *taken) if head in columns}
     known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
-    rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
     for quantity in DERIVED:
+        rows = ({head: values[index] for head, values in known.items()} for index in range(len(tests)))
         pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
         made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
     for label in campaign.extra_columns:
@@ -293,18 +294,24 @@ def _quantile_rows(groups: Sequence[RigGroup]) -> list[_Columns]:
 
 
 def _budget(group: RigGroup) -> _Columns:
-    """The sources of uncertainty of each quantity that is known, but for those that are zero."""
+    """The largest sources of uncertainty of each quantity that is known, and all others as one; none that is zero."""
     result, variance = group.result, np.stack(list(group.variance.values()))
     stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
     known = np.stack([stiffness, stiffness, stiffness, arm, arm, np.isfinite(result.tr_std)], axis=1)
     total = variance.sum(axis=0)
-    source, place, quantity = np.nonzero(known & (variance > 0) & (total > 0))
+    variance, names = np.where(known & (total > 0), variance, 0.0), [source.text for source in group.variance]
+    if len(names) > _MOST_SOURCES:
+        least = np.partition(variance, -_MOST_SOURCES, axis=0)[-_MOST_SOURCES]
+        largest = np.where(variance >= least, variance, 0.0)
+        variance = np.concatenate([largest, [(variance - largest).sum(axis=0)]])
+        names.append(_OTHERS)
+    source, place, quantity = np.nonzero(variance > 0)
     of_source = variance[source, place, quantity]
     return {
         **_keys_of(group, place),
         q.QUANTITY.head: np.array(list(OUTPUTS), dtype=object)[quantity],
         q.UNIT.head: np.array(list(OUTPUTS.values()), dtype=object)[quantity],
-        q.SOURCE.head: np.array([of_name.text for of_name in group.variance], dtype=object)[source],
+        q.SOURCE.head: np.array(names, dtype=object)[source],
         q.U.head: np.sqrt(of_source),
         q.SHARE.head: of_source / total[place, quantity],
     }

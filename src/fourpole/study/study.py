@@ -21,7 +21,6 @@ from fourpole.errors import CampaignError
 from fourpole.face import public
 from fourpole.fitting.likelihood import read_likelihoods
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
-from fourpole.fitting.stated import rig_file, rig_in
 from fourpole.io.folders import make_folder
 from fourpole.io.published import Published, publishing
 from fourpole.io.write import write_table
@@ -355,6 +354,7 @@ class Study(TestedTables):
         from fourpole.fitting.grid import grid_of
         from fourpole.fitting.inertia import mean_inertia
         from fourpole.fitting.modelling import map_tyres
+        from fourpole.fitting.stated import rig_file, rig_in
 
         maps = map_tyres(self._measured(model, over).only(tyre), model, over)
         rig = rig_in(rig_file(self.record, self.rig))

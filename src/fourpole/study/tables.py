@@ -187,7 +187,7 @@ QUANTILES = TableSpec(
     key=(*KEY, q.QUANTITY.head),
 )  # fmt: skip
 BUDGET = TableSpec(
-    "budget", "a source of uncertainty of a quantity of a dynamic test",
+    "budget", "one of the ten largest sources of uncertainty of a quantity of a dynamic test, or all other sources",
     _columns(q.TEST, q.QUANTITY, q.UNIT, q.SOURCE, q.U, q.SHARE),
     key=(*KEY, q.QUANTITY.head, q.SOURCE.head),
 )  # fmt: skip

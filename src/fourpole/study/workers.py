@@ -19,11 +19,13 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from itertools import groupby, islice
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
+from fourpole.campaign.row import Test
 from fourpole.core.checks import CHECK_CLASSES, Check, Code, Verdict, fault_of, reported
 from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
@@ -54,25 +56,28 @@ _ASKED = 16
 #: Interval at which Ctrl-C is looked for where a wait cannot be interrupted [s].
 _LOOK = 0.5
 
-#: What a recording gave, or the reason why its worker died.
-Answer: TypeAlias = "Demodulated | str"
+#: The packed bytes of what a recording gave, or the reason why its worker died.
+Answer: TypeAlias = "bytes | str"
 #: The classes of which a job is made, for the worker process.
 OF_WORK = OF_JOB
 
 
-def run_batch(jobs: Sequence[Reduction], seconds: float, guarded: bool) -> list[Answer]:
+def run_batch(jobs: Sequence[Reduction], sizes: Sequence[int], seconds: float, guarded: bool) -> list[Answer]:
     """Demodulate recordings one after the other: the task of any executor; see `run_jobs`."""
-    of_files = groupby(jobs, key=lambda job: job.test.file)
-    return [answer for _, group in of_files for answer in run_jobs(list(group), seconds, guarded=guarded)]
+    of_files = groupby(zip(jobs, sizes, strict=True), key=lambda pair: pair[0].test.file)
+    groups = [list(zip(*group, strict=True)) for _, group in of_files]
+    return [answer for group, (size, *_) in groups for answer in run_jobs(group, size, seconds, guarded=guarded)]
 
 
-def run_jobs(jobs: Sequence[Reduction], seconds: float, *, guarded: bool = False) -> list[Answer]:
+def run_jobs(jobs: Sequence[Reduction], size: int, seconds: float, *, guarded: bool = False) -> list[Answer]:
     """Demodulate the parts of a recording that are tests.
 
     Parameters
     ----------
     jobs : sequence of Reduction
         The jobs of one file.
+    size : int [byte]
+        Size of the file; 0 if it is unknown.
     seconds : float [s]
         Limit of the processor time of each; a large file has more.
     guarded : bool
@@ -82,10 +87,12 @@ def run_jobs(jobs: Sequence[Reduction], seconds: float, *, guarded: bool = False
     if is_elsewhere(file):
         allow(jobs[0].remote)  # a worker of a cluster has the permission of the user who sends the jobs
     if not guarded and not is_guarded(folder, file):
-        return [*demodulated(jobs)]
+        return [*map(packed, demodulated(jobs))]
     try:
-        answers = child().call(demodulate_packed, list(jobs), size=_size(jobs[0]), seconds=seconds * len(jobs))
-        return [unpacked(answer) for answer in unpack(answers)]
+        tests, common = [job.test for job in jobs], _common(_Common(jobs[0]))
+        answer = child().call(demodulate_packed, common, tests, size=size, seconds=seconds * len(jobs))
+        answers: list[Answer] = unpack(answer)
+        return answers
     except Late as death:
         check = reported(Code.SLOW, Verdict.REJECTED, file=file, error=death.message)
     except Died as death:
@@ -94,12 +101,37 @@ def run_jobs(jobs: Sequence[Reduction], seconds: float, *, guarded: bool = False
         check = fault_of(error, file)
     except RuntimeError as error:
         check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
-    return [Demodulated(checks=(check,), lasting=False)] * len(jobs)
+    return [packed(Demodulated(checks=(check,), lasting=False))] * len(jobs)
 
 
-def demodulate_packed(jobs: list[Reduction]) -> bytes:
-    """The packed results of the jobs of one file: the work of a worker process."""
-    return pack([packed(done) for done in demodulated(jobs)])
+def demodulate_packed(common: bytes, tests: list[Test]) -> bytes:
+    """The packed results of tests of one file, by the packed job without a test: the work of a worker process."""
+    return pack([packed(done) for done in demodulated([replace(_job(common), test=test) for test in tests])])
+
+
+class _Common:
+    """What the jobs of a rig have in common: two are equal if they hold the same objects."""
+
+    def __init__(self, job: Reduction) -> None:
+        self.job = job
+        self._key = tuple(id(getattr(job, one.name)) for one in fields(job) if one.name != "test")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Common) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=16)
+def _common(common: _Common) -> bytes:
+    return pack(replace(common.job, test=Test("", 0)))
+
+
+@lru_cache(maxsize=16)
+def _job(common: bytes) -> Reduction:
+    job: Reduction = unpack(common, OF_JOB)
+    return job
 
 
 def check_part_of(job: Reduction, *, guarded: bool = False) -> tuple[Check, ...]:
@@ -109,18 +141,14 @@ def check_part_of(job: Reduction, *, guarded: bool = False) -> tuple[Check, ...]
     """
     if not guarded and not is_guarded(job.folder, job.test.file):
         return check_part(job)
+    identity = identity_or_none(job.folder, job.test.file)
+    size = 0 if identity is None else identity.size
     try:
-        checks: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), CHECK_CLASSES)
+        checks: tuple[Check, ...] = unpack(answer_of(check_part, job, size=size), CHECK_CLASSES)
     except Died as death:
         code = Code.SLOW if isinstance(death, Late) else Code.READER
         return (reported(code, Verdict.REJECTED, file=job.test.file, error=death.message),)
     return checks
-
-
-def _size(job: Reduction) -> int:
-    """Size of the file of a job [byte]; 0 if it cannot be looked up."""
-    identity = identity_or_none(job.folder, job.test.file)
-    return 0 if identity is None else identity.size
 
 
 def processors() -> int:
@@ -207,7 +235,7 @@ def reduce_tests(
             if used is None:
                 dead = []
                 for batch in run.batches(left, 0.0):
-                    dead += run.taken(batch, run_batch([jobs[index] for index in batch], seconds, guarded=False))
+                    dead += run.taken(batch, run_batch(*run.work(batch), guarded=False))
             else:
                 dead = run.by(used, left)
             for index in dead:
@@ -245,23 +273,21 @@ class _Run:
                 sha256 = self.hashes[job.test.file] = sha256_of(path, max_bytes=MAX_FILE_BYTES)
             cache.note(job.test.file, identity, sha256)
         done = cache.recall(cache.name(job.settings, sha256)) if sha256 else None
-        return done is not None and self.take(index, done, kept=True)
+        return done is not None and self.take(index, done)
 
-    def take(self, index: int, answer: Answer, *, kept: bool = False) -> bool:
-        """Take the answer to a job, and keep it in the cache unless it is from there; False if its worker died."""
-        job = self.jobs[index]
-        if isinstance(answer, str):
-            return False
-        if self.cache is not None and answer.sha256 and not kept:
-            self.cache.note(job.test.file, self.identities[index], answer.sha256)
-            if answer.lasting:
-                self.cache.keep(self.cache.name(job.settings, answer.sha256), packed(answer))
-        self.results[index] = points_of(job, answer)
+    def take(self, index: int, done: Demodulated) -> bool:
+        """Take what the recording of a job gave."""
+        self.results[index] = points_of(self.jobs[index], done)
         if self.arrived is not None:
-            self.arrived(job.test.name, self.results[index])
+            self.arrived(self.jobs[index].test.name, self.results[index])
         if self.progress is not None:
             self.progress(len(self.results), len(self.jobs))
         return True
+
+    def work(self, indices: Sequence[int]) -> tuple[list[Reduction], list[int], float]:
+        """The work of some jobs for `run_batch`."""
+        sizes = [0 if one is None else one.size for one in (self.identities[index] for index in indices)]
+        return [self.jobs[index] for index in indices], sizes, self.seconds
 
     def by(self, executor: Executor, left: Sequence[int]) -> list[int]:
         """Run jobs by an executor, a few tasks in flight; returns the indices of those whose worker died."""
@@ -274,8 +300,7 @@ class _Run:
         try:
             while running or waiting:
                 while waiting and len(running) < _AHEAD * count:
-                    task = [self.jobs[index] for index in waiting]
-                    running[executor.submit(run_batch, task, self.seconds, own or elsewhere)] = waiting
+                    running[executor.submit(run_batch, *self.work(waiting), own or elsewhere)] = waiting
                     waiting = next(batches, None)
                 for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
                     indices = running.pop(future)
@@ -298,18 +323,29 @@ class _Run:
             yield batch
 
     def taken(self, indices: Sequence[int], answers: Sequence[Answer]) -> list[int]:
-        """Take the answers to some jobs; those whose worker died."""
-        return [index for index, answer in zip(indices, answers, strict=True) if not self.take(index, answer)]
+        """Take the answers to some jobs, and keep them in the cache; those whose worker died."""
+        dead = []
+        for index, answer in zip(indices, answers, strict=True):
+            if isinstance(answer, str):
+                dead.append(index)
+                continue
+            job, done = self.jobs[index], unpacked(answer)
+            if self.cache is not None and done.sha256:
+                self.cache.note(job.test.file, self.identities[index], done.sha256)
+                if done.lasting:
+                    self.cache.keep(self.cache.name(job.settings, done.sha256), answer)
+            self.take(index, done)
+        return dead
 
     def once_more(self, index: int) -> None:
         """Run a job again by itself, in a worker of its own; if it dies again, its test is rejected."""
-        job = self.jobs[index]
-        (answer,) = run_jobs([job], self.seconds, guarded=True)
+        (answer,) = run_batch(*self.work([index]), guarded=True)
         if isinstance(answer, str):
-            why = Message("reader", "", answer)
-            check = reported(Code.READER, Verdict.REJECTED, file=job.test.file, error=why)
-            answer = Demodulated(checks=(check,), lasting=False)
-        self.take(index, answer)
+            why, file = Message("reader", "", answer), self.jobs[index].test.file
+            check = reported(Code.READER, Verdict.REJECTED, file=file, error=why)
+            self.take(index, Demodulated(checks=(check,), lasting=False))
+        else:
+            self.taken([index], [answer])
 
 
 def _is_elsewhere(executor: Executor) -> bool:

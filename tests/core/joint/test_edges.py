@@ -120,8 +120,8 @@ def found_scatter(scatter):
 
 def followed(left, tests=1):
     """Whether a trial is solved to its end, by what it leaves of an objective of 1000."""
-    after = SimpleNamespace(converged=False, objective=left, stiffness=None, z=None)
-    before = SimpleNamespace(objective=1000.0, stiffness=None)
+    after = SimpleNamespace(converged=False, objective=left, stiffness=None, z=None, slope=None)
+    before = SimpleNamespace(objective=1000.0, stiffness=None, slope=None)
     problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(tests)))
     with patch.object(asking, "solve_either", return_value=(problem, after)) as solve:
         asking._tried(problem, before, None)

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from fourpole.core.alone import deflection_amplitude
-from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, inverse_of_two
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
 from fourpole.core.phasor import Phasors
@@ -239,6 +239,8 @@ class Linear(ByValue):
     weigh : (N, 4, 4) float array, optional
         The symmetric M with M (1 + s² B B^T) M = 1 for the derivatives B by log K* and its scatter s; None without
         scatter. It is applied to residual and derivatives already.
+    log_weight : (N,) float array, optional
+        Logarithm of the determinant of `weigh`.
     observed, shared, z
         The tests and the shared values.
     """
@@ -257,6 +259,7 @@ class Linear(ByValue):
     shared: Shared
     z: FloatArray
     weigh: FloatArray | None = None
+    log_weight: FloatArray | None = None
 
     @cached_property
     def by_shared(self) -> FloatArray:
@@ -285,11 +288,13 @@ class Linear(ByValue):
             return self
         by_k = self.by_stiffness * scatter[:, None, None]
         square = np.eye(2) + np.swapaxes(by_k, 1, 2) @ by_k
-        size, trace = np.sqrt(np.linalg.det(square)), np.trace(square, axis1=1, axis2=2)
-        root = (square + size[:, None, None] * np.eye(2)) / np.sqrt(trace + 2 * size)[:, None, None]
-        weigh = np.eye(4) - by_k @ np.linalg.inv(root + square) @ np.swapaxes(by_k, 1, 2)
-        weighed = {name: np.einsum("nij,nj...->ni...", weigh, getattr(self, name)) for name in _ROWS}
-        return replace(self, weigh=weigh, **weighed)
+        a, b, d = square[:, 0, 0], square[:, 0, 1], square[:, 1, 1]
+        size = np.sqrt(a * d - b**2)
+        root = (square + size[:, None, None] * np.eye(2)) / np.sqrt(a + d + 2 * size)[:, None, None]
+        weigh = np.eye(4) - by_k @ inverse_of_two(root + square) @ np.swapaxes(by_k, 1, 2)
+        weighed = weigh @ np.concatenate([self.residual[:, :, None], self.by_stiffness, self.by_impedance], axis=2)
+        parts_of = dict(zip(_ROWS, (weighed[:, :, 0], weighed[:, :, 1:3], weighed[:, :, 3:]), strict=True))
+        return replace(self, weigh=weigh, log_weight=-np.log(size), **parts_of)
 
 
 def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Linear:
@@ -318,10 +323,11 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
     log_k = _by_ends(observed.omega, beyond, ratio, by_zr, ends.by[:, 0]) * scaled
     zr = _three(np.where(observed.rigid, 1.0, ratio**2), 0.0, by_zr) * scaled
+    changes = whitened(rest, np.stack([observed.amplitudes - predicted, log_k, 1j * log_k, zr, 1j * zr], axis=-1))
     return Linear(
-        residual=whitened(rest, (observed.amplitudes - predicted)[..., None])[..., 0],
-        by_stiffness=_both(rest, log_k),
-        by_impedance=_both(rest, zr),
+        residual=changes[:, :, 0],
+        by_stiffness=changes[:, :, 1:3],
+        by_impedance=changes[:, :, 3:],
         drive=drive,
         impedance=impedance,
         ratio=ratio,

@@ -254,7 +254,9 @@ class Step(ByValue):
         return float(max(shared.max(initial=0.0), each.max(initial=0.0)))
 
 
-def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0) -> Solution:
+def solve(
+    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most: int = 0, slope: FloatArray | None = None
+) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
@@ -265,24 +267,26 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, mo
         First value of K* of each condition.
     z : (p,) float array, optional
         First shared values; by default as stated.
-    most_steps : int
+    most : int
         Largest number of steps; 0 for the usual one.
+    slope : (c, 2, q) float array, optional
+        Slope of log K* by the first q shared values, of a solution nearby.
 
     Returns
     -------
     Solution
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
-    z, most_steps = np.zeros(len(problem.shared)) if z is None else z, most_steps or _MOST_STEPS
-    stiffness, step, share = start, sweep(problem, z, start), 1.0
-    if problem.conditions.is_apart:  # a full sweep needs the slopes of log K*
+    z, most = np.zeros(len(problem.shared)) if z is None else z, most or _MOST_STEPS
+    stiffness, step, share = start, sweep(problem, z, start, slope), 1.0
+    if problem.conditions.is_apart and slope is None:  # a full sweep needs the slopes of log K*
         step = sweep(problem, z, start, step.slope)
     before = lowest = (z, stiffness, step)
     flat = 0
-    reason = f"the search did not converge in {most_steps} steps"
+    reason = f"the search did not converge in {most} steps"
     converged = False
     count = 0
-    for count in range(1, most_steps + 1):  # noqa: B007 - the number of steps is reported
+    for count in range(1, most + 1):  # noqa: B007 - the number of steps is reported
         if not no_worse(step, before[2]):
             share *= 0.5
             if share < 1e-6:
@@ -317,17 +321,17 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, mo
 
 
 def solve_either(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0
+    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most: int = 0, slope: FloatArray | None = None
 ) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
     K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
     """
-    solution = solve(problem, start, z, most_steps)
+    solution = solve(problem, start, z, most, slope)
     if solution.converged or not np.isfinite(problem.conditions.k1).any():
         return problem, solution
     simpler = replace(problem, conditions=problem.conditions.without_k1())
-    return simpler, solve(simpler, start, z, most_steps)
+    return simpler, solve(simpler, start, z, most)
 
 
 def no_worse(step: Step, before: Step) -> bool:
@@ -381,8 +385,8 @@ def reduced(
     roots, slope, own_step = (np.zeros((conditions.count, *shape)) for shape in ((2, 2), (2, p), (2,)))
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
-        if linear.weigh is not None:
-            weigh += float(np.sum(np.linalg.slogdet(linear.weigh)[1]))
+        if linear.log_weight is not None:
+            weigh += float(np.sum(linear.log_weight))
         columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
         if group.stop > group.start:
             if conditions.is_apart:

@@ -75,7 +75,8 @@ class State(ByValue):
 
     def solve(self, problem: Problem) -> None:
         """Solve a changed problem from the present solution."""
-        self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
+        before = self.solution
+        self.problem, self.solution = solve_either(problem, before.stiffness, before.z, slope=before.slope)
 
 
 #: A test is an outlier if its squared residual is this many times the usual one.

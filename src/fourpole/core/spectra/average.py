@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
@@ -130,7 +130,7 @@ def lines_of(signals: FloatArray, starts: np.ndarray, window: FloatArray, inside
     hop = np.diff(starts)
     even = hop.size > 0 and bool((hop == hop[0]).all())
     held = segments[:, starts[0] : starts[-1] + 1 : hop[0]] if even else segments[:, starts]
-    lines = fft.rfft(held * window, axis=2, overwrite_x=True)
+    lines = scipy.fft.rfft(held * window, axis=2, overwrite_x=True)
     if inside.start < 2:  # the mean of a segment is in the first two lines of a Hann window
         lines[:, :, :2] -= held.mean(axis=2)[:, :, None] * window.size * np.array([0.5, -0.25])
     return lines[:, :, inside]

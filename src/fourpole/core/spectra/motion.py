@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.tracks import Track
@@ -140,7 +140,7 @@ def fine_spectrum(track: Track) -> Fine:
     """The spectrum of the whole record of V1, in the scale of a mean over segments; missing samples are zero."""
     motion = track.signals[track.names.index("motion_in")]
     window = hann(motion.size)
-    lines = fft.rfft(motion * window)
+    lines = scipy.fft.rfft(motion * window)
     return Fine((lines.real**2 + lines.imag**2) / float(np.sum(window**2)), track.rate / motion.size)
 
 
@@ -187,11 +187,11 @@ def period_of(track: Track, band: tuple[float, float]) -> float | None:
     is the same at all multiples of a period. That of noise falls, in a narrow band slowly.
     """
     motion = track.signals[track.names.index("motion_in")][:_LONGEST]
-    size = fft.next_fast_len(2 * motion.size, real=True)
-    lines = fft.rfft(motion, size)
+    size = scipy.fft.next_fast_len(2 * motion.size, real=True)
+    lines = scipy.fft.rfft(motion, size)
     frequency = np.arange(lines.size) * track.rate / size
     lines[(frequency < band[0]) | (frequency > band[1])] = 0.0
-    alike = fft.irfft(lines.real**2 + lines.imag**2, size)[: motion.size // 2 + 1]
+    alike = scipy.fft.irfft(lines.real**2 + lines.imag**2, size)[: motion.size // 2 + 1]
     alike /= max(float(alike[0]), 1e-300) * (1.0 - np.arange(alike.size) / motion.size)
     least = int(np.ceil(track.rate / band[0]))
     if alike.size < least + 2 or not (largest := float(alike[least:-1].max())) > _ALIKE:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray, FloatArray
@@ -75,7 +75,7 @@ def nonlinear_share(recording: Recording, band: tuple[float, float], lines: Exci
     if 2.0 * band[0] * count < (_FEWEST + 1.0) * track.rate:  # a segment has less than a cycle of the lowest frequency
         return np.nan
     bins = slice(int(np.ceil(band[0] * count / track.rate)), int(band[1] * count / track.rate) + 1)
-    size = fft.next_fast_len(int(_RATE * bins.stop), real=True)
+    size = scipy.fft.next_fast_len(int(_RATE * bins.stop), real=True)
     rate = size * track.rate / count
     usual = max(2.0 * size / (_SEGMENTS + 1.0), CYCLES * rate / band[0])
     length = int(min(lines.length * rate if lines.length * rate < size else usual, 2.0 * size / (_FEWEST + 1.0)))
@@ -87,11 +87,11 @@ def nonlinear_share(recording: Recording, band: tuple[float, float], lines: Exci
         """Samples [of the unit of the spectrum] at the lower rate."""
         whole = np.zeros(size // 2 + 1, dtype=np.complex64)
         whole[bins] = spectrum
-        return np.asarray(fft.irfft(whole, size))
+        return np.asarray(scipy.fft.irfft(whole, size))
 
     frequency = np.arange(bins.start, bins.stop) * track.rate / count
     factors = [factor_of(recording.channels[name], frequency) for name in track.names[:2]]
-    force, motion = fft.rfft(signals, axis=1)[:, bins] * factors
+    force, motion = scipy.fft.rfft(signals, axis=1)[:, bins] * factors
     velocity = motion * np.interp(frequency, lines.phasors.frequency, moved)
     u, w = over_time(velocity / (2j * np.pi * frequency)), over_time(velocity)
     deviations = float(u.std()), float(w.std())

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
@@ -98,10 +98,10 @@ def repeated_amplitudes(
 
 def whole_amplitudes(recording: Recording, track: Track, band: tuple[float, float]) -> Excited:
     """The amplitudes from the spectra of the whole record, whatever the excitation is."""
-    frequency = fft.rfftfreq(track.time.size, 1.0 / track.rate)
+    frequency = scipy.fft.rfftfreq(track.time.size, 1.0 / track.rate)
     kept = (frequency >= band[0]) & (frequency <= band[1])
     length = track.time.size / track.rate
-    lines = fft.rfft(track.signals, axis=1)[:, kept]
+    lines = scipy.fft.rfft(track.signals, axis=1)[:, kept]
     for first in range(0, lines.shape[1], _AT_A_TIME):
         some = slice(first, first + _AT_A_TIME)
         lines[:, some] = np.einsum("lab,bl->al", to_true(recording, track.names, frequency[kept][some]), lines[:, some])
