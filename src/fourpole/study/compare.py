@@ -358,10 +358,10 @@ def _giving(group: RigGroup) -> float:
 
 
 def _certainty(group: RigGroup, place: int) -> Check | None:
-    """Check whether K* is certain enough for propagation; None where it is not found."""
+    """Check whether K* is certain enough for propagation; None where it is not found, or a check of its own says so."""
     size = abs(complex(group.result.stiffness[place]))
     variance = float(np.trace(group.result.stiffness_covariance[place])) / 2
-    if not (np.isfinite(size) and np.isfinite(variance) and size > 0):
+    if group.route == "transmissibility" or not (np.isfinite(size) and np.isfinite(variance) and size > 0):
         return None
     return judged(Code.CERTAINTY, np.sqrt(variance) / size, NOT_LINEAR, np.inf)
 
