@@ -61,6 +61,8 @@ class Joint(ByValue):
         Agreement of the statement with the tests.
     two_roots : (N,) bool array
         True where another K* of a specimen with a mass explains the test as well.
+    support : float [1]
+        What frame and foundation may add to the preload spring at a frequency, over it.
     """
 
     problem: Problem
@@ -72,6 +74,7 @@ class Joint(ByValue):
     outlier: FloatArray
     misfit: Misfit
     two_roots: BoolArray
+    support: float = 0.0
 
     @property
     def converged(self) -> bool:
@@ -180,6 +183,7 @@ def solve_joint(
         misfit=misfit,
         two_roots=(np.append(second_roots(problem, solution), [False])[label] if problem.shared.has_belts
                    else np.zeros(count, dtype=bool)),
+        support=support,
     )  # fmt: skip
 
 
