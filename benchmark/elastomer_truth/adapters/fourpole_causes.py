@@ -47,14 +47,8 @@ _CHECKS = {
 }
 #: Checks that name one test.
 _ONE_TEST = (
-    "agreement",
-    "K* curve",
-    "K* curve of another condition",
-    "labels",
-    "copy",
-    "stated frequency",
-    "steady channel",
-)
+    "agreement", "K* curve", "K* curve of another condition", "labels", "copy", "stated frequency", "steady channel",
+)  # fmt: skip
 _STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
 
 
