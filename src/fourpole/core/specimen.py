@@ -416,7 +416,8 @@ class Inertia(ByRows):
         by : (N, 3) complex array
             Derivatives by `measured`, by the mass and by the shape.
         """
-        stiffness = measured.copy()
+        # From above the search comes to the largest root, which is that below the first mode of the specimen.
+        stiffness = measured + (0.0 if at_ground else omega**2 * self.mass)
         share, spread = np.where(self.block, 0.0, self.shape) + 0j, np.where(self.block, self.shape, 0.0)
         for step in range(_STEPS + 1):
             ends = ends_of(stiffness, omega, self.mass, share, spread, stiffness, self.block)

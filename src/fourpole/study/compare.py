@@ -44,8 +44,8 @@ _OVERLAP = 0.5
 _MOST_SCATTER = 0.02
 #: Standard uncertainties below zero from which K'' is negative.
 _NEGATIVE = 1.96
-#: Relative uncertainty of K* from which five of them reach zero, so that no interval is symmetric.
-_UNCERTAIN = 0.2
+#: Relative uncertainties of K* from which five and two of them reach zero: no interval is symmetric, and none is known.
+_UNCERTAIN = 0.2, 0.5
 #: Standard uncertainties below zero, and the share of such tests, from which K'' of all tests of a rig is in doubt.
 _GIVES, _FEW_GIVE = 4.0, 0.05
 #: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
@@ -365,7 +365,7 @@ def _certainty(group: RigGroup, place: int) -> Check | None:
     variance = float(np.trace(group.result.stiffness_covariance[place])) / 2
     if group.route == "transmissibility" or not (np.isfinite(size) and np.isfinite(variance) and size > 0):
         return None
-    return judged(Code.CERTAINTY, np.sqrt(variance) / size, _UNCERTAIN, np.inf)
+    return judged(Code.CERTAINTY, np.sqrt(variance) / size, *_UNCERTAIN)
 
 
 def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check | None:
