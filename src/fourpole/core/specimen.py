@@ -416,9 +416,13 @@ class Inertia(ByRows):
         by : (N, 3) complex array
             Derivatives by `measured`, by the mass and by the shape.
         """
-        # From above the search comes to the largest root, which is that below the first mode of the specimen.
-        stiffness = measured + (0.0 if at_ground else omega**2 * self.mass)
         share, spread = np.where(self.block, 0.0, self.shape) + 0j, np.where(self.block, self.shape, 0.0)
+        # The search begins at the larger root of a belt, which is that below its first mode.
+        r, inertia = np.exp(share), omega**2 * self.mass
+        a = (1 + r) ** 2 / r
+        linear = measured if at_ground else measured + inertia / (1 + 1 / r)
+        root = np.sqrt(linear**2 - 4 * measured * inertia / a)
+        stiffness = 0.5 * (linear + np.where(root.real < 0, -root, root))
         for step in range(_STEPS + 1):
             ends = ends_of(stiffness, omega, self.mass, share, spread, stiffness, self.block)
             by = np.concatenate(
