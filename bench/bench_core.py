@@ -11,12 +11,10 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import lmfit
 import numpy as np
-import pandas as pd
 import polars as pl
 import pyfar
 import pyFRF
 import skrf
-from endaq.calc import psd
 from ieee_1057 import ieee_1057
 from promises import report
 from scipy import signal
@@ -214,23 +212,15 @@ def random_excitation() -> list[Row]:
         own = [signal.welch(x, **keys)[1] for x in (force, motion)]
         return cross / own[0], np.abs(cross) ** 2 / (own[0] * own[1])
 
-    table = pd.DataFrame({"force": force, "motion": motion}, index=np.arange(count) / rate)
-
-    def by_endaq():
-        found = psd.welch(table, bin_width=rate / size)
-        return (found["motion"] / found["force"]).to_numpy()
-
     (mine, alike), (receptance, other) = ours(), by_pyfrf()
     kept = slice(3, 3 + mine.size)
     theirs = receptance[kept] * 2j * np.pi * np.arange(kept.start, kept.stop) * rate / size
     same = agree(max(float(np.max(np.abs(a / b - 1))) for a, b in ((mine, theirs), (alike, other[kept]))), 1 / size)
     h1, coherence = by_scipy()
     of_scipy = agree(max(float(np.max(np.abs(a[kept] / b - 1))) for a, b in ((h1, mine), (coherence, alike))), 1 / size)
-    of_endaq = agree(float(np.max(np.abs(by_endaq()[kept] * alike / np.abs(mine) ** 2 - 1))), 1 / size)
     peers = {
         "pyFRF": (by_pyfrf, same),
         "scipy csd, welch": (by_scipy, of_scipy),
-        "endaq psd.welch, no cross spectra": (by_endaq, of_endaq),
     }
     return compare("H1 and coherence, 58 segments", ours, peers, rounds=15)
 
@@ -308,7 +298,7 @@ def main() -> None:
     rows = [*demodulation(), *four_poles(), *random, *identification()]
     with tempfile.TemporaryDirectory() as folder:
         rows += reading(Path(folder))
-    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "pyFRF", "pyfar", "endaq", "scikit-rf"])
+    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "pyFRF", "pyfar", "scikit-rf"])
     report(kept(rows, PROMISED))
 
 

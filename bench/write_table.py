@@ -35,7 +35,7 @@ PACKAGES = (
         "polars",
         "lmfit",
         "pyFRF",
-        "endaq",
+        "pyfar",
         "scikit-rf",
         "pyvisco",
         "pyimpspec",
