@@ -218,10 +218,7 @@ def random_excitation() -> list[Row]:
     same = agree(max(float(np.max(np.abs(a / b - 1))) for a, b in ((mine, theirs), (alike, other[kept]))), 1 / size)
     h1, coherence = by_scipy()
     of_scipy = agree(max(float(np.max(np.abs(a[kept] / b - 1))) for a, b in ((h1, mine), (coherence, alike))), 1 / size)
-    peers = {
-        "pyFRF": (by_pyfrf, same),
-        "scipy csd, welch": (by_scipy, of_scipy),
-    }
+    peers = {"pyFRF": (by_pyfrf, same), "scipy csd, welch": (by_scipy, of_scipy)}
     return compare("H1 and coherence, 58 segments", ours, peers, rounds=15)
 
 
