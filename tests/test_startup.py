@@ -70,6 +70,8 @@ def test_an_analysis_that_writes_tables_loads_no_models_figures_or_optimizers(be
         statement.write("# another statement: what the recording gave is in the cache\n")
     loaded = loaded_by(words)
     assert {"fourpole.study.selection", "fourpole.findings.list"} <= loaded
+    if version("scipy") < "1.16":  # scipy.special of earlier ones loads linalg
+        loaded -= {"scipy.linalg"}
     assert loaded & NO_ANALYSIS == set()
 
 
