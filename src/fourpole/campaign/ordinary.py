@@ -41,14 +41,13 @@ class UnstatedFile(File):
         `rigid` says that no stiffness of a frame is stated.
         """
         counted = self.ordinary == "table"
-        taken = {
-            "support": defaults.SUPPORT_STD if self.support is None else self.support,
-            "friction": defaults.FRICTION_STD if self.guide_friction is None else self.guide_friction,
-            "frame_std": defaults.FRAME_STD if self.frame is None else 1 / self.frame,
+        support, frame = (defaults.SUPPORT_STD, defaults.FRAME_STD) if counted and rigid else (0.0, 0.0)
+        friction = defaults.FRICTION_STD if counted else 0.0
+        return {
+            "support": support if self.support is None else self.support,
+            "friction": friction if self.guide_friction is None else self.guide_friction,
+            "frame_std": frame if self.frame is None else 1 / self.frame,
         }
-        stated = {"support": self.support, "friction": self.guide_friction, "frame_std": self.frame}
-        return {name: std if stated[name] is not None or (counted and (rigid or name == "friction")) else 0.0
-                for name, std in taken.items()}  # fmt: skip
 
 
 def _pair(gain: Kind, angle: Kind) -> complex:

@@ -284,11 +284,11 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
         giving = _giving(group)
         for place, row in enumerate(group.rows.tolist()):
             stiffness = points.stiffness[row]
-            if giving and points.condition[row] >= 0:
-                last.append((row, reported(Code.OTHERS_GIVE, Verdict.WARNING, giving, _FEW_GIVE)))
             if points.condition[row] < 0:
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
+                if giving:
+                    last.append((row, reported(Code.OTHERS_GIVE, Verdict.WARNING, giving, _FEW_GIVE)))
                 of_row = (_passivity(group, place), _certainty(group, place), _arm_check(group, place, stiffness))
                 last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:

@@ -332,7 +332,8 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
-    joint = solve_joint(phasors, **{name: value for name, value in setup.items() if name != "frame_std"})
+    setup = {name: value for name, value in setup.items() if name != "frame_std"}  # that of a bench
+    joint = solve_joint(phasors, **setup)
     k1_std, parts = _with_specimen(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
     result = identification(joint, phasors, setup["k1"], k1_std, values)
@@ -386,7 +387,7 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in (*_OF_ALL, "frame_std")}
+    some = {name: value[bare] for name, value in setup.items() if name not in _OF_ALL}
     alone = solve_joint(few, **some, **{name: setup[name] for name in _OF_ALL} | {"channels": channels})
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(

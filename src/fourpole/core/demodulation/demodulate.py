@@ -355,17 +355,15 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
         if fit.track.spoilt is not None:
             spoilt[[CHANNELS.index(name) for name in fit.track.names]] = np.mean(fit.track.spoilt, axis=1)
     mixed, talk = without_crosstalk(recording, names, omega)
-    to_true = mixed * np.array(
-        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation, true, recorded, strict=True)]
-    )
+    to_true = mixed * np.array([row[0] / raw[0] for row, raw in zip(true, recorded, strict=True)])
+    wider = to_true * np.array(inflation)
     amplitudes = np.full(3, complex(np.nan, np.nan))
     amplitudes[places] = mixed @ np.array([row[0] for row in true])
     whole = np.zeros((3, 3), dtype=complex)
-    whole[np.ix_(places, places)] = to_true @ noise.covariance @ to_true.conj().T
+    whole[np.ix_(places, places)] = wider @ noise.covariance @ wider.conj().T
     signals, roots = [signal for fit in fits for signal in fit.track.signals], np.sqrt(np.concatenate(squares))
     steps = [word_variance(*one) for one in zip(signals, sizes.tolist(), roots.tolist(), strict=True)]
-    one_by_one = mixed * np.array([row[0] / raw[0] for row, raw in zip(true, recorded, strict=True)])
-    whole[np.ix_(places, places)] += 2.0 * (one_by_one * np.array(steps)) @ one_by_one.conj().T
+    whole[np.ix_(places, places)] += 2.0 * (to_true * np.array(steps)) @ to_true.conj().T
     order = np.argsort(places).tolist()
     changes, speed_change = changes_of(fits, places)
     return Demodulation(

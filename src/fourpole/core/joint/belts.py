@@ -95,9 +95,10 @@ def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexAr
     """
     may_be_rods = all(body.is_block for body in bodies.values())
     made, good = [], False
-    are_rods = may_be_rods and any(body.spread is not None for body in bodies.values())
-    # Rods are searched once if belts leave nothing.
-    for rod in (True,) if are_rods else (False, True) if may_be_rods else (False,):
+    forms = [False, True] if may_be_rods else [False]  # rods are searched once if belts leave nothing
+    if may_be_rods and any(body.spread is not None for body in bodies.values()):
+        forms.remove(False)
+    for rod in forms:
         wide = with_belts(problem, bodies, stiffness, rod=rod)
         for share in _STARTS:
             found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))

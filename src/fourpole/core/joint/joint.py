@@ -61,8 +61,8 @@ class Joint(ByValue):
         Agreement of the statement with the tests.
     two_roots : (N,) bool array
         True where another K* of a specimen with a mass explains the test as well.
-    support : float [1]
-        What frame and foundation may add to the preload spring at a frequency, over it.
+    support : (N,) float array [N s/m], or 0
+        Standard uncertainty of Zr by frame and foundation, for each test in the order of `problem`.
     """
 
     problem: Problem
@@ -74,7 +74,7 @@ class Joint(ByValue):
     outlier: FloatArray
     misfit: Misfit
     two_roots: BoolArray
-    support: float = 0.0
+    support: FloatArray | float = 0.0
 
     @property
     def converged(self) -> bool:
@@ -170,7 +170,8 @@ def solve_joint(
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
         lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
     )
-    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, support)
+    supported = support * rig.preload_stiffness / observed.omega
+    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -183,7 +184,7 @@ def solve_joint(
         misfit=misfit,
         two_roots=(np.append(second_roots(problem, solution), [False])[label] if problem.shared.has_belts
                    else np.zeros(count, dtype=bool)),
-        support=support,
+        support=supported,
     )  # fmt: skip
 
 
@@ -230,7 +231,7 @@ _Explained = tuple[Problem, Solution, FloatArray, Misfit]
 
 
 def _reconciled(
-    problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body], support: float
+    problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body], support: FloatArray
 ) -> _Explained:
     """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit.
 
@@ -243,9 +244,8 @@ def _reconciled(
         relative = 2 * np.pi * observed.frequency_std / observed.omega
         by_frequency = problem.by_log_frequency(as_stated, start) * relative[:, None]
         problem = problem.widened(by_frequency[:, :, None])
-    if support:
-        size = support * problem.shared.rig.preload_stiffness / observed.omega
-        problem = problem.widened(problem.columns("by_impedance", as_stated, start) * size[:, None, None])
+    if support.any():
+        problem = problem.widened(problem.columns("by_impedance", as_stated, start) * support[:, None, None])
     massless = _massless(problem, start)
     stated = any(body.mass_std > 0 for body in bodies.values())
     if not stated and _is_enough(massless, bodies):

@@ -132,7 +132,6 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     shifted = own.by_frequency * relative[back][:, None]  # log K* of each test, by its own part alone
     of_condition = _per_test(joint, _by_frequency(problem, solution, relative), np.nan)
     largest = largest_part(problem, solution.z, solution.stiffness)
-    supported = joint.support * problem.shared.rig.preload_stiffness / observed.omega
     return Outputs(
         value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
         by_own=by_own,
@@ -143,7 +142,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         condition=condition,
         frequency=shifted[:, :, None] * shifted[:, None, :] + _both_sides(own.keep, of_condition),
         covariance=solution.covariance,
-        tr_of_rig=tr * np.abs(tr_by_zr) * np.hypot(joint.misfit.rig_error * largest, supported)[back],
+        tr_of_rig=tr * np.abs(tr_by_zr) * np.hypot(joint.misfit.rig_error * largest, joint.support)[back],
     )
 
 
