@@ -17,8 +17,8 @@ from fourpole.models.kraus import Separation
 from fourpole.models.ladder import Of, Rung
 from fourpole.models.maxwell import Zener
 from fourpole.models.operating import OperatingMap
-from fourpole.models.overlap import LEVEL, ONE_CURVE, TOO_SHORT, _overlap
-from fourpole.models.recorded import Recorded, bends
+from fourpole.models.problem import Recorded, bends
+from fourpole.models.shift_law import LEVEL, ONE_CURVE, TOO_SHORT, _overlap
 
 LN_10 = np.log(10.0)
 

@@ -20,14 +20,13 @@ from fourpole.core.digits import number
 from fourpole.core.specimen import Form
 from fourpole.core.specimenfit import UNLIKELY
 from fourpole.errors import FileError, FourpoleError
-from fourpole.export.twoports import write_two_ports
+from fourpole.export.uff import write_two_ports
 from fourpole.fitting.inertia import inertias_in
 from fourpole.io.folders import make_folder
+from fourpole.io.lock import staged
 from fourpole.io.published import published
-from fourpole.io.staging import staged
 from fourpole.report.digits import PLUS_MINUS, with_u
-from fourpole.study.inertia import FoundBody
-from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
+from fourpole.study.twoports import FoundBody, TwoPort, measure_two_ports, two_port_table
 
 #: Poles of the printed table, with their places.
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}

@@ -32,8 +32,8 @@ from fourpole.findings.trends import Comparison, Level, Trend, compare, cycle_lo
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.documents import json_of
 from fourpole.quantities import DERIVED, K1, C, Quantity
-from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
+from fourpole.study.twoports import FoundBody, bodies_in
 from fourpole.words import CASES, template
 
 

@@ -23,7 +23,6 @@ from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
 from fourpole.fitting.inertia import InertiaFile, inertias_in
-from fourpole.fitting.labels import by_labels
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
 from fourpole.fitting.rows import (
     FREQUENCY,
@@ -33,6 +32,7 @@ from fourpole.fitting.rows import (
     STD,
     Key,
     as_frame,
+    by_labels,
     conditions_in,
     covariances,
     in_si,
@@ -48,8 +48,8 @@ from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.models.data import StiffnessData, complex_columns, real_columns
 from fourpole.models.inertial import Of
+from fourpole.models.problem import Recorded, bends
 from fourpole.models.ramp import Loop
-from fourpole.models.recorded import Recorded, bends
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 

@@ -1,7 +1,8 @@
 """Rows of tables of K*: the key (test, point), the condition and the values of the tyre in each row.
 
 A row of a dynamic test is identified by its test and its point, since one recording may give several frequencies. The
-column `point` is written only if a test has more than one point.
+column `point` is written only if a test has more than one point. Columns of words of no known kind that distinguish
+rows of one condition and frequency become part of the specimen's name.
 """
 
 from __future__ import annotations
@@ -16,15 +17,18 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import VERDICTS
-from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
+from fourpole.core.condition import AMPLITUDE, AXES, Axis, Condition, Sameness, Value
+from fourpole.core.condition import FREQUENCY as BY_FREQUENCY
 from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.io.documents import GREATEST
 from fourpole.quantities import Quantity
 from fourpole.units import column_unit, shown, to_si
+from fourpole.words import first_of
+from fourpole.words.heads import head_and_unit
 
 if TYPE_CHECKING:
     from fourpole.core.identify import Identification
-    from fourpole.models.answer import Answer
+    from fourpole.models.operating import Answer
 
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
@@ -350,3 +354,46 @@ def lacking_std(numbers: Mapping[str, FloatArray]) -> str:
     if not any(np.any(numbers[column]) for column in STD[:2]):
         return f"{shown(STD[0])} and {shown(STD[1])} are zero in every row, as no measurement is: they are not used"
     return ""
+
+
+def by_labels(frame: pl.DataFrame, labels: Sequence[str], rule: Sameness) -> tuple[pl.DataFrame, list[str]]:
+    """The table with the labels that tell equal rows apart in the names of its specimens, and remarks on them.
+
+    Rows are equal if they have one condition, amplitude and frequency.
+
+    Examples
+    --------
+    >>> frame = pl.DataFrame({"frequency [Hz]": [5.0, 5.0], "way": ["axial", "radial"]})
+    >>> found, remarks = by_labels(frame, ["way"], Sameness())
+    >>> found["tyre"].to_list()
+    ['axial', 'radial']
+    """
+    remarks, comments = [], {head for head, kind in frame.schema.items() if kind == pl.String} - {"tyre", *labels}
+    whole = Sameness((*rule.axes, *(axis for axis in (AMPLITUDE, BY_FREQUENCY) if axis not in rule.axes)))
+    for head in labels:
+        words = _words(frame[head])
+        equal = whole.groups(conditions_in(frame, whole)).tolist()
+        if len({pair for pair in zip(equal, words, strict=True) if pair[1]}) == len(set(equal)):
+            continue
+        names = frame["tyre"].to_list() if "tyre" in frame.columns else [""] * len(words)
+        both = [", ".join(filter(None, pair)) for pair in zip(names, words, strict=True)]
+        frame = frame.with_columns(pl.Series("tyre", both))
+        known = first_of([*dict.fromkeys(filter(None, words))], 4)
+        remarks.append(f"column {shown(head)} tells rows of one condition and frequency apart: specimens {known}")
+    equal = whole.groups(conditions_in(frame, whole)).tolist() if comments else []
+    for head in sorted(comments):
+        words = frame[head].fill_null("").to_list()
+        if len({*zip(equal, words, strict=True)}) > len({*equal}):
+            remarks.append(
+                f"rows of one condition and frequency differ in column {shown(head)} "
+                f"({first_of([*dict.fromkeys(filter(None, words))], 3)}): they count as repeats"
+            )
+    return frame, remarks
+
+
+def _words(column: pl.Series) -> list[str]:
+    """The cells of a column as labels; a number with its name and unit."""
+    if column.dtype == pl.String:
+        return column.fill_null("").to_list()
+    name, unit = head_and_unit(column.name)
+    return ["" if one is None or one != one else f"{name} {one:g} {unit or ''}".strip() for one in column.to_list()]

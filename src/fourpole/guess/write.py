@@ -17,8 +17,7 @@ from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
 from fourpole.guess.masses import shows_force
 from fourpole.guess.names import CONDITIONS, MOVING_KINDS
-from fourpole.io.lock import campaign_lock
-from fourpole.io.staging import staged
+from fourpole.io.lock import campaign_lock, staged
 from fourpole.io.write import write_text
 from fourpole.units import shown
 from fourpole.words import package_toml

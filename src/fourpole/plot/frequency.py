@@ -56,8 +56,8 @@ from fourpole.plot.states import (
     values_on,
 )
 from fourpole.quantities import Quantity
-from fourpole.study.inertia import bodies_in
 from fourpole.study.study import Study
+from fourpole.study.twoports import bodies_in
 
 #: What is read as massless is not drawn where it is further from K* than this [1].
 _FAR = 0.3

@@ -20,14 +20,14 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import conditions_in, keys_of, rule_in
 from fourpole.fitting.stated import rig_in
-from fourpole.models.answer import Answer
-from fourpole.models.belted import MASSLESS
+from fourpole.models.operating import Answer
+from fourpole.models.realised import MASSLESS
 from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, Panel, Role, Series, plain_text
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
+from fourpole.study.twoports import FoundBody, bodies_in
 
 #: Amplitudes of the deflection within this ratio are one series.
 _LEVEL = 1.3
