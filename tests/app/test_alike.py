@@ -1,6 +1,6 @@
 """Remarks of many tests: one line for each kind, with the number of tests and the first names."""
 
-from fourpole.app.summary import gathered_alike
+from fourpole.app.alike import gathered_alike
 
 OFF = "the recording turns at {} Hz, {} Hz is stated: correct the frequency"
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from fourpole.app import analysis
+from fourpole.app import watching
 from fourpole.app.group import show
 from fourpole.io.processes import start
 from fourpole.study.watch import WatchedFile
@@ -23,9 +23,9 @@ def test_what_a_later_analysis_prints_stands_alone(tmp_path, monkeypatch):
     def started(_module, *_words, **settings):
         return start([sys.executable, "-c", next(programs)], **settings)
 
-    monkeypatch.setattr(analysis, "start_module", started)
-    monkeypatch.setattr(analysis, "_QUIET", -1.0)
-    joint, said = analysis._Joint(tmp_path), []
+    monkeypatch.setattr(watching, "start_module", started)
+    monkeypatch.setattr(watching, "_QUIET", -1.0)
+    joint, said = watching._Joint(tmp_path), []
     for _ in range(3):
         assert joint.follow(new=True) == []
         assert joint._process.wait(60) == 0
@@ -60,10 +60,10 @@ class _Watch:
     [(False, ["ok        D1", "REJECTED  D2", "          no file"]), (True, [("D1", []), ("D2", ["no file"])])],
 )
 def test_each_judgement_is_an_answer_as_it_comes(tmp_path, monkeypatch, capsys, as_json, said):
-    monkeypatch.setattr(analysis, "Watch", _Watch)
-    monkeypatch.setattr(analysis, "_EVERY", 0.0)
+    monkeypatch.setattr(watching, "Watch", _Watch)
+    monkeypatch.setattr(watching, "_EVERY", 0.0)
     with pytest.raises(KeyboardInterrupt):
-        show(analysis.run_watch(tmp_path), as_json=as_json)
+        show(watching.run_watch(tmp_path), as_json=as_json)
     printed = capsys.readouterr()
     assert printed.err.replace("\n", "") == f"watching {tmp_path}; Ctrl-C ends it"
     lines = printed.out.splitlines()

@@ -17,8 +17,7 @@ from fourpole.fitting import byamplitude, mapping, measured, modelling, query, r
 from fourpole.fitting.amplitude import levels_of, mixed
 from fourpole.fitting.byamplitude import outside_levels
 from fourpole.fitting.modelparts import check_covariance
-from fourpole.fitting.ranges import seconds_of_fits
-from fourpole.fitting.rows import usable
+from fourpole.fitting.rows import seconds_of_fits, usable
 from fourpole.fitting.static import StaticFile, slowest
 from fourpole.fitting.temperature import NO_SHIFT, TemperatureFile
 from fourpole.models.data import StiffnessData

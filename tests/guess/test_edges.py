@@ -11,7 +11,7 @@ import pytest
 
 from fourpole.errors import CampaignError
 from fourpole.guess import conditions, gather, roles, signals, specimens, together
-from fourpole.guess.channels import Column, Role
+from fourpole.words.heads import Column, Role
 from fourpole.guess.gather import _recorded
 from fourpole.guess.names import Token, read_name
 from fourpole.guess.pattern import read_pattern

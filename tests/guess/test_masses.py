@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fourpole.guess import masses
-from fourpole.guess.channels import Column, Role
+from fourpole.words.heads import Column, Role
 from fourpole.guess.masses import _apart, _departure, by_mass, rig_doubt
 
 NEAR = Role("motion_in", "acc_base", "m/s^2", "acceleration")

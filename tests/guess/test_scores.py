@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fourpole.guess import guess_campaign
-from fourpole.guess.channels import column_of
+from fourpole.words.heads import column_of
 from fourpole.study import analyse
 
 RATE = 1000.0

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, warn
 from fourpole.app.options import MassOptions
-from fourpole.app.summary import gathered_alike
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict

@@ -2,8 +2,6 @@
 
 A model whose order the data chose has the arms that the band needs. Beyond the band its covariance says nothing of the
 arms that are not there; the range over all non-negative relaxation spectra does.
-
-How long the choice of models takes follows from the size of a campaign.
 """
 
 from __future__ import annotations
@@ -18,21 +16,6 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelparts import Strict
 from fourpole.models.causality import passive_range
 from fourpole.models.data import MASTER_DECADES, StiffnessData
-
-#: Time of a choice for few rows [s], and for each further row [s], on one core of a present machine.
-_LEAST, _EACH = 0.5, 0.02
-
-
-def seconds_of_fits(rows: int) -> float:
-    """About how long the choice of a model for each tyre takes [s], with K* in this number of rows.
-
-    Examples
-    --------
-    >>> seconds_of_fits(1000)
-    20.5
-    """
-    return _LEAST + _EACH * rows
-
 
 #: Frequencies per decade, and their largest number below and above the band.
 _PER_DECADE, _MOST = 4, 50

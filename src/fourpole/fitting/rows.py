@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +18,9 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import VERDICTS
-from fourpole.core.condition import AMPLITUDE, AXES, Axis, Condition, Sameness, Value
+from fourpole.core.condition import AMPLITUDE, AXES, Axis, Condition, Sameness, Value, axis_of
 from fourpole.core.condition import FREQUENCY as BY_FREQUENCY
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.io.documents import GREATEST
 from fourpole.quantities import Quantity
@@ -397,3 +399,66 @@ def _words(column: pl.Series) -> list[str]:
         return column.fill_null("").to_list()
     name, unit = head_and_unit(column.name)
     return ["" if one is None or one != one else f"{name} {one:g} {unit or ''}".strip() for one in column.to_list()]
+
+
+#: Time of a choice for few rows [s], and for each further row [s], on one core of a present machine.
+_LEAST, _EACH = 0.5, 0.02
+
+
+def seconds_of_fits(rows: int) -> float:
+    """About how long the choice of a model for each tyre takes [s], with K* in this number of rows.
+
+    Examples
+    --------
+    >>> seconds_of_fits(1000)
+    20.5
+    """
+    return _LEAST + _EACH * rows
+
+
+@dataclass(frozen=True)
+class FoundBody:
+    """A row of specimens.csv that has a mass: `row` by the heads of its columns, in SI."""
+
+    row: Mapping[str, Any]
+
+    @property
+    def tyre(self) -> str:
+        """Name of the specimen."""
+        return str(self.row[q.TYRE.head])
+
+    @property
+    def form(self) -> Form:
+        """A belt or a rod."""
+        return Form(self.row[q.FORM.head])
+
+    @property
+    def place(self) -> dict[str, float]:
+        """The stated values of its condition by the columns of the axes."""
+        return {one.column: value for one in AXES if (value := self.row.get(one.column)) is not None}
+
+    def pair(self, quantity: Quantity) -> tuple[float, float]:
+        """Value and standard uncertainty; a blank value is not-a-number, a blank uncertainty 0."""
+        value, std = (self.row.get(head) for head in quantity.heads)
+        return np.nan if value is None else float(value), float(std or 0.0)
+
+    def is_at(self, tyre: str, place: Mapping[str, float]) -> bool:
+        """Whether a specimen and its condition without the frequency are those of this row."""
+        axes = (axis_of(column) for column in place if column in self.row)
+        return tyre == self.tyre and all(
+            axis.same(None if np.isnan(place[axis.column]) else place[axis.column], self.row[axis.column], blank=True)
+            for axis in axes
+        )
+
+    def specimen(self, stiffness: complex) -> Specimen:
+        """The specimen, the share of which is that of the row where K* is `stiffness` [N/m]."""
+        (mass, _), (share, _) = self.pair(q.BELT_MASS), self.pair(q.BELT_SHARE)
+        exponent, (spread, _) = float(self.row[q.BELT_EXPONENT.head] or 0.0), self.pair(q.BELT_SPREAD)
+        share, spread = 1.0 if np.isnan(share) else share, 1.0 if np.isnan(spread) else spread
+        return Specimen(self.form, mass, share, exponent, stiffness, spread)
+
+
+def bodies_in(tables: Mapping[str, pl.DataFrame]) -> list[FoundBody]:
+    """The specimens with a mass that the joint route found, at each condition without its frequency."""
+    rows = tables["specimens"].to_dicts() if "specimens" in tables else []
+    return [FoundBody(row) for row in rows if row[q.FORM.head] != Form.MASSLESS.value]

@@ -16,7 +16,7 @@ from fourpole import units
 from fourpole.core.recording import DERIVATIVES
 from fourpole.core.segments import TESTS, Segment, labelled
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
-from fourpole.guess.channels import Column, column_of
+from fourpole.words.heads import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
 from fourpole.guess.signals import (
     ALL_ROWS,

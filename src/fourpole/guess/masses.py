@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.guess.channels import LOWER, UPPER, Column, Role
+from fourpole.words.heads import LOWER, UPPER, Column, Role
 from fourpole.guess.roles import phasors_of
 from fourpole.guess.signals import SignalShape
 from fourpole.units import shown

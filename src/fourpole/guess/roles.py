@@ -15,7 +15,7 @@ import numpy as np
 from fourpole import units
 from fourpole.core.arrays import FloatArray
 from fourpole.core.recording import DERIVATIVES
-from fourpole.guess.channels import Column, Role
+from fourpole.words.heads import Column, Role
 from fourpole.guess.signals import SignalShape
 from fourpole.units import MOTIONS, shown
 from fourpole.words import vocabulary

@@ -12,7 +12,7 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import Column, Role
+from fourpole.words.heads import Column, Role
 from fourpole.guess.conditions import constructions_of, read_conditions
 from fourpole.guess.gather import FolderContents, gather
 from fourpole.guess.masses import by_mass, rig_doubt, shows_force

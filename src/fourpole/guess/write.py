@@ -14,7 +14,7 @@ from pathlib import Path
 from fourpole import quantities as q
 from fourpole.campaign.row import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import Role
+from fourpole.words.heads import Role
 from fourpole.guess.masses import shows_force
 from fourpole.guess.names import CONDITIONS, MOVING_KINDS
 from fourpole.io.lock import campaign_lock, staged

@@ -1,8 +1,8 @@
-"""The four poles of the specimens of a campaign, from its rigid blocks and added masses; specimens with a mass."""
+"""The four poles of the specimens of a campaign, from its rigid blocks and added masses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,21 +16,18 @@ from fourpole.campaign.row import Test, condition_words
 from fourpole.core.allpoles import POLES, AllPoles, Setups, all_poles, reciprocal
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.checks import Verdict
-from fourpole.core.condition import AXES, axis_of
 from fourpole.core.joint.conditions import group_conditions
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind
-from fourpole.core.specimen import BLOCK, TYRE, Form, Specimen
+from fourpole.core.specimen import BLOCK, TYRE
 from fourpole.core.specimenfit import UNLIKELY, SpecimenFit, fit_specimen
 from fourpole.errors import CampaignError
 from fourpole.io.folders import is_for_keeping, make_folder
-from fourpole.quantities import Quantity
 from fourpole.study.cache import Cache
 from fourpole.study.identify import setup_of, without_fixtures
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.reduce import jobs_of
-from fourpole.study.study import Study
 from fourpole.study.workers import reduce_tests
 from fourpole.words import remark_of
 
@@ -260,51 +257,3 @@ def _complex_cells(name: str, unit: str, values: ComplexArray, std: FloatArray |
         if std is None
         else columns | {f"u({part} {name}) [{unit}]": std[:, at] for at, part in enumerate(_PARTS)}
     )
-
-
-@dataclass(frozen=True)
-class FoundBody:
-    """A row of specimens.csv that has a mass: `row` by the heads of its columns, in SI."""
-
-    row: Mapping[str, Any]
-
-    @property
-    def tyre(self) -> str:
-        """Name of the specimen."""
-        return str(self.row[q.TYRE.head])
-
-    @property
-    def form(self) -> Form:
-        """A belt or a rod."""
-        return Form(self.row[q.FORM.head])
-
-    @property
-    def place(self) -> dict[str, float]:
-        """The stated values of its condition by the columns of the axes."""
-        return {one.column: value for one in AXES if (value := self.row.get(one.column)) is not None}
-
-    def pair(self, quantity: Quantity) -> tuple[float, float]:
-        """Value and standard uncertainty; a blank value is not-a-number, a blank uncertainty 0."""
-        value, std = (self.row.get(head) for head in quantity.heads)
-        return np.nan if value is None else float(value), float(std or 0.0)
-
-    def is_at(self, tyre: str, place: Mapping[str, float]) -> bool:
-        """Whether a specimen and its condition without the frequency are those of this row."""
-        axes = (axis_of(column) for column in place if column in self.row)
-        return tyre == self.tyre and all(
-            axis.same(None if np.isnan(place[axis.column]) else place[axis.column], self.row[axis.column], blank=True)
-            for axis in axes
-        )
-
-    def specimen(self, stiffness: complex) -> Specimen:
-        """The specimen, the share of which is that of the row where K* is `stiffness` [N/m]."""
-        (mass, _), (share, _) = self.pair(q.BELT_MASS), self.pair(q.BELT_SHARE)
-        exponent, (spread, _) = float(self.row[q.BELT_EXPONENT.head] or 0.0), self.pair(q.BELT_SPREAD)
-        share, spread = 1.0 if np.isnan(share) else share, 1.0 if np.isnan(spread) else spread
-        return Specimen(self.form, mass, share, exponent, stiffness, spread)
-
-
-def bodies_in(results: Study) -> list[FoundBody]:
-    """The specimens with a mass that the joint route found, at each condition without its frequency."""
-    rows = results.tables["specimens"].to_dicts() if "specimens" in results.tables else []
-    return [FoundBody(row) for row in rows if row[q.FORM.head] != Form.MASSLESS.value]
