@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fourpole.guess import guess_campaign
-from fourpole.words.heads import column_of
 from fourpole.study import analyse
+from fourpole.words.heads import column_of
 
 RATE = 1000.0
 FREQUENCIES = (8.0, 12.0, 20.0, 31.0)
