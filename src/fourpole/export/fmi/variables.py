@@ -179,11 +179,6 @@ def states_of_part(points: Sequence[Point]) -> int:
     return max(one.springs.size + 2 * one.pair_springs.size for one in systems)
 
 
-def states_in(points: Sequence[Point]) -> int:
-    """Number of states."""
-    return states_of_part(points) * (1 + is_belted(points))
-
-
 def _input(name: str, about: str, unit: str) -> Variable:
     about = about.replace("zero at rest under", "zero at rest under the preload")
     return Variable(name, about, unit, "input", "continuous", "", 0.0)
