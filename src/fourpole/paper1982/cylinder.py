@@ -260,4 +260,3 @@ def flexibility(
     along, over, per_area = load(cylinder, n, m, length, share)
     answer = radial_answer(elasticity(cylinder, n, m))[2]
     return np.asarray(np.sum((along * over) ** 2 * per_area * answer, axis=-1))
-
