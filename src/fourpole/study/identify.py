@@ -18,16 +18,14 @@ from fourpole.core.blocking import blocking_checks, steep_checks, with_unstated_
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
-from fourpole.core.curvature import largest_bend
+from fourpole.core.curvature import Interval, arm_intervals, draw_around, draw_route, largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
-from fourpole.core.fixture import given_way, without_fixture
 from fourpole.core.identify import Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
-from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
-from fourpole.core.rig import Rig
+from fourpole.core.rig import Rig, given_way, without_fixture
 from fourpole.core.sources import Kind, Source
 from fourpole.core.specimen import Body
 from fourpole.errors import CampaignError
