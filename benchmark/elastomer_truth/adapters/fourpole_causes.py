@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from elastomer_truth.adapters.fourpole_said import said
@@ -49,16 +50,27 @@ _CHECKS = {
 _ONE_TEST = (
     "agreement", "K* curve", "K* curve of another condition", "labels", "copy", "stated frequency", "steady channel",
 )  # fmt: skip
+#: Scatter of K* that no specimen of rubber need have [1].
+_SCATTERS = 5e-3
 _STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
 
 
-def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str, Any]]:
-    """At most three causes, best first: of the misfit of the rig, of recordings, of single tests, of K1."""
+def causes(
+    study: dict[str, Any], checks: list[dict[str, str]], specimens: Iterable[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """At most three causes, best first: of the misfit of the rig, of specimens, recordings, single tests and K1.
+
+    `specimens` are as stated: a scatter or drift that is stated is none.
+    """
     found: list[tuple[str, str]] = []
+    scatter = max(one.get("scatter_of_tests_relative", 0.0) for one in specimens)
     for rig in (study.get("joint") or {}).values():
-        if rig.get("fits", True):
-            continue
-        found += [cause for each in rig.get("candidates", []) if (cause := _cause(each))]
+        named = [] if rig.get("fits", True) else rig.get("candidates", [])
+        found += [cause for each in named if (cause := _cause(each))]
+        if {"drift", "step"} & {*rig["note_codes"]}:
+            found.append(("drift", "specimen"))
+        if rig["scatter"] > max(2 * scatter, _SCATTERS):
+            found.append(("scatter", "specimen"))
     bad = [check for check in checks if check["verdict"] != "ok"]
     tests = {check["test"] for check in checks}
     for code, cause in _CHECKS.items():

@@ -50,7 +50,8 @@ def answer(folder: Path, route: str) -> Answer:
     for test, lines in by_test.items():
         for frequency in campaign.frequencies(test):
             rows += _line(campaign, lines, bodies, test, frequency)
-    return rows, causes(json.loads((results / "study.json").read_text(encoding="utf-8")), _read(results / "checks.csv"))
+    study = json.loads((results / "study.json").read_text(encoding="utf-8"))
+    return rows, causes(study, _read(results / "checks.csv"), campaign.stated["specimens"].values())
 
 
 def _read(path: Path) -> Table:
@@ -85,15 +86,16 @@ def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency:
         power = -2 if name == "TR" and len(near) > 1 else 1
         size = sum(w * number(line[head]) ** power for w, line in zip(weights, near, strict=True))
         size = abs(size) ** (1 / power) if power < 0 else size
-        std = max(number(line[u]) for line in near) if power == 1 else size * number(near[0][u]) / number(near[0][head])
+        stds = [number(line[u]) if power == 1 else size * number(line[u]) / number(line[head]) for line in near]
         if not (name == "TR" and campaign.blocked):
-            found.append(_row(test, frequency, name, size, abs(std), worst))
+            found.append(_row(test, frequency, name, size, max(map(abs, stds)), worst))
     whole = complex(found[0]["value"], found[1]["value"])
-    weighed = "mass" in campaign.stated["specimens"][near[0]["tyre"]]
-    factor, u_factor = transfer(whole, near[0], bodies, frequency, weighed=weighed)
+    factor, u_factor = transfer(whole, near[0], bodies, frequency, campaign.stated["specimens"][near[0]["tyre"]])
     k21 = whole * factor
     for name, value, own, other in (("k21'", k21.real, 0, 1), ("k21''", k21.imag, 1, 0)):
         parts = factor.real * found[own]["u"], factor.imag * found[other]["u"], abs(whole) * u_factor
-        found.append(_row(test, frequency, name, value, math.hypot(*parts), found[0]["verdict"]))
+        # On a bench the mass moves K* and k21 over K* the same way.
+        u = math.hypot(*parts[:2]) + parts[2] if campaign.blocked else math.hypot(*parts)
+        found.append(_row(test, frequency, name, value, u, found[0]["verdict"]))
     # K* with the inertia of the specimen in it is said to be no K* of springs.
     return found if near[0]["K* of"] == "springs" else [row for row in found if row["quantity"] not in ("K'", "K''")]
