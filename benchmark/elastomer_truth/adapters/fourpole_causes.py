@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -50,6 +51,8 @@ _CHECKS = {
 _ONE_TEST = (
     "agreement", "K* curve", "K* curve of another condition", "labels", "copy", "stated frequency", "steady channel",
 )  # fmt: skip
+#: K1 over K' beyond which a unit is in doubt.
+_UNIT = 3.0
 #: Scatter of K* that no specimen of rubber need have [1].
 _SCATTERS = 5e-3
 _STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
@@ -84,7 +87,8 @@ def causes(
         if check["code"] in _ONE_TEST and sum(c["code"] == check["code"] for c in bad) <= 3:
             found.append(("one test", check["test"]))
         if check["code"] in _STATIC:
-            found.append(_STATIC[check["code"]])
+            times = json.loads(check["values"] or "{}").get("times", 1.0)
+            found += [("unit", "F1")] * (times > _UNIT) + [_STATIC[check["code"]]]
     ranked = list(dict.fromkeys(found))[:3]
     rows = [{"rank": at, "cause": cause, "channel or part": part} for at, (cause, part) in enumerate(ranked, 1)]
     return rows + said(study, bad)

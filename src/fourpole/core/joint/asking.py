@@ -42,8 +42,9 @@ _SMALLEST, _FACTORS = 0.3, 30
 _WORST = 3
 #: Rare errors need this much more evidence.
 _RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0, Kind.STEP: 5.0}
-#: Step of the logarithm of the resonances at which a mode of a frame is looked for, and the evidence that it needs.
-_STEP, _MODE = 0.1, 3.0
+#: Step of the logarithm of the resonances at which a mode of a frame is looked for, how far beyond the tests, as a
+#: factor, and the evidence that it needs: about the logarithm of their number.
+_STEP, _AROUND, _MODE = 0.1, 2.0, 3.0
 #: F1 in V1 acts as a compliance of the specimen does, and so does a fixture, for which rigid blocks alone ask.
 _ALIKE = Source(Kind.CROSSTALK, "F1 in V1")
 _SERIES = Source(Kind.FIXTURE, "V1")
@@ -123,7 +124,7 @@ class Trial(ByValue):
 def groups_of(problem: Problem, stated: Shared) -> list[Group]:
     """All groups that the tests of a problem may ask for; `stated` has the shared values as stated."""
     columns: dict[str, list[tuple[SharedParameter, float]]] = {}
-    for name, parameter, largest in chain(_stated(stated), _of_channels(problem, stated), _absent(problem, stated)):
+    for name, parameter, largest in chain(*(of(problem, stated) for of in (_stated, _of_channels, _absent))):
         columns.setdefault(name, []).append((parameter, largest / parameter.std))
     return [
         Group(name, tuple(parameter for parameter, _ in listed), max(min(most for _, most in listed), 1.0))
@@ -135,13 +136,16 @@ def groups_of(problem: Problem, stated: Shared) -> list[Group]:
 _Column = tuple[str, SharedParameter, float]
 
 
-def _stated(stated: Shared) -> Iterator[_Column]:
-    """The values of the rig and the masses."""
-    damping = component(Kind.UNSTATED).bound * stated.rig.critical_damping
+def _stated(problem: Problem, stated: Shared) -> Iterator[_Column]:
+    """The values of the rig, with parts that nobody stated and that act as they do, and the masses."""
+    bound = component(Kind.UNSTATED).bound
+    hidden = {TWINS[part].of: bound * whole for part, whole in wholes(problem).items() if part in TWINS}
+    hidden["preload_damping"] = bound * stated.rig.critical_damping
     for parameter in stated.parameters:
         if parameter.source.role in (Role.RIG, Role.MASS):
             largest = _LARGEST_SHARE * abs(parameter.stated) or np.inf
-            largest = damping if parameter.source.of == "preload_damping" else largest
+            if (part := hidden.get(parameter.source.of)) is not None:
+                largest = max(part, _LARGEST_SHARE * abs(parameter.stated))
             yield parameter.source.text, parameter, max(largest, parameter.std)
 
 
@@ -185,8 +189,8 @@ def _absent(problem: Problem, stated: Shared) -> Iterator[_Column]:
 def _resonances(problem: Problem) -> FloatArray:
     """Frequencies [Hz] at which a mode of a frame may be."""
     frequency = problem.observed.omega / (2 * np.pi)
-    low, high = float(frequency.min()), float(frequency.max())
-    return np.geomspace(low, high, max(round(np.log(high / low) / _STEP), 1) + 1) if high > low else np.array([])
+    low, high = float(frequency.min()) / _AROUND, float(frequency.max()) * _AROUND
+    return np.geomspace(low, high, round(np.log(high / low) / _STEP) + 1) if frequency.size > 1 else np.array([])
 
 
 def _row(source: Source) -> Component:

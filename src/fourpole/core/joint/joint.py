@@ -251,7 +251,8 @@ def _reconciled(
         problem = problem.widened(problem.columns("by_impedance", as_stated, start) * support[:, None, None])
     massless = _massless(problem, start)
     stated = any(body.mass_std > 0 for body in bodies.values())
-    if not stated and _is_enough(massless, bodies):
+    gross = any(cause.form in UNITS_AND_SIGNS for cause in massless[3].candidates)  # no mass looks like these
+    if gross or (not stated and _is_enough(massless, bodies)):
         return massless
     few = problem.thinned(_MANY)
     if few is not problem and not stated:
@@ -297,7 +298,7 @@ def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
     """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
     problem, solution, outlier, misfit = found
     asked = misfit.specimens or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
-    if not problem.conditions.count or any(cause.form in UNITS_AND_SIGNS for cause in misfit.candidates):
+    if not problem.conditions.count:
         return True
     if not misfit.fits or asked or misfit.scatter > _SCATTERS:
         return False
