@@ -62,3 +62,8 @@ def transfer(
     relative = np.nan_to_num(number(own[0]["u(share of springs) [1]"]) / share * abs((1 - share) / (1 + share)))
     moved = abs(factor) ** 2 * omega2 * mass / abs(both)
     return complex(factor), float(moved * np.hypot(u / max(mass, 1e-12), relative))
+
+
+def combined(of_springs: float, of_mass: float, *, together: bool) -> float:
+    """Uncertainty of k21 by that of K* and of k21 over K*; on a bench one mass moves both the same way."""
+    return of_springs + of_mass if together else float(np.hypot(of_springs, of_mass))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from elastomer_truth.adapters import Answer
-from elastomer_truth.adapters.fourpole_bodies import number, transfer
+from elastomer_truth.adapters.fourpole_bodies import combined, number, transfer
 from elastomer_truth.adapters.fourpole_causes import causes
 from elastomer_truth.adapters.fourpole_lines import lines_around, weights_of
 from elastomer_truth.adapters.fourpole_statement import campaign_toml, tests_csv
@@ -71,8 +71,8 @@ def _static(row: dict[str, str]) -> dict[str, Any]:
 
 def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency: float) -> list[dict[str, Any]]:
     """The rows of one frequency, by interpolation between the lines around it; the worst verdict counts."""
-    used = [line for line in lines if line["frequency [Hz]"]]
-    used.sort(key=lambda line: abs(float(line["frequency [Hz]"]) - frequency))
+    used = sorted((line for line in lines if line["frequency [Hz]"]),
+                  key=lambda line: abs(float(line["frequency [Hz]"]) - frequency))  # fmt: skip
     if not used:
         return []
     near = lines_around(used, frequency)
@@ -93,9 +93,8 @@ def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency:
     factor, u_factor = transfer(whole, near[0], bodies, frequency, campaign.stated["specimens"][near[0]["tyre"]])
     k21 = whole * factor
     for name, value, own, other in (("k21'", k21.real, 0, 1), ("k21''", k21.imag, 1, 0)):
-        parts = factor.real * found[own]["u"], factor.imag * found[other]["u"], abs(whole) * u_factor
-        # On a bench the mass moves K* and k21 over K* the same way.
-        u = math.hypot(*parts[:2]) + parts[2] if campaign.blocked else math.hypot(*parts)
+        parts = factor.real * found[own]["u"], factor.imag * found[other]["u"]
+        u = combined(math.hypot(*parts), abs(whole) * u_factor, together=campaign.blocked)
         found.append(_row(test, frequency, name, value, u, found[0]["verdict"]))
     # K* with the inertia of the specimen in it is said to be no K* of springs.
     return found if near[0]["K* of"] == "springs" else [row for row in found if row["quantity"] not in ("K'", "K''")]
