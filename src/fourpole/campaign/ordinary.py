@@ -121,7 +121,8 @@ class Ordinary:
             return defaults.LOW_CUT_STD * channel.low_cut
         if channel.geophone is not None:
             return 0.0
-        std = defaults.IEPE_STD if channel.coupling == "iepe" else component(Kind.LOW_CUT).std
+        supplied = channel.coupling == "iepe" or (channel.coupling is None and channel.accelerates)
+        std = defaults.IEPE_STD if supplied else component(Kind.LOW_CUT).std
         return self._taken(channel, std) if channel.coupling is None else std
 
     def slope(self, channel: ChannelFile, top: float) -> float:
@@ -208,7 +209,8 @@ class Ordinary:
         return {
             ("std_delay",): f"no std_delay stated, taken as {taken}",
             ("coupling", "low_cut", "std_low_cut", "high_pass", "geophone"):
-                f'no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz (coupling = "dc": none)',
+                f"no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz, of an acceleration ± "
+                f'{defaults.IEPE_STD:g} Hz (coupling = "dc": none)',
             ("std_slope", "resonance"):
                 f"no std_slope stated, taken as {100 * slope:g} % at the highest frequency (or state its resonance)",
             ("mounted", "std_mounting"): f"no mounted stated, taken as {mounted}",

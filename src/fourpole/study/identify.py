@@ -211,6 +211,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
         **stated.unstated.rig_std(rigid=rig is None or bool(np.isinf(rig.frame_stiffness))),
+        "complete": stated.unstated.ordinary == "zero",
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[own].astype(float),
@@ -309,7 +310,8 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     if blocked:
         arguments["frame_std"] = setup["frame_std"]
     at_far_end = route == "transmissibility" or (blocked and rig.at_ground)
-    k_of = np.where(known & blocked, "springs", "blocked transfer" if at_far_end else "driving point")
+    inside = (known | setup["complete"]) & blocked  # its inertia is taken out, or it has none
+    k_of = np.where(inside, "springs", "blocked transfer" if at_far_end else "driving point")
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
@@ -330,7 +332,7 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
-    setup = {name: value for name, value in setup.items() if name != "frame_std"}  # that of a bench
+    setup = {name: value for name, value in setup.items() if name not in ("frame_std", "complete")}  # of a bench
     joint = solve_joint(phasors, **setup)
     k1_std, parts = _with_specimen(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
