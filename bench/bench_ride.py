@@ -16,8 +16,8 @@ from scipy import signal
 from side_by_side import Row, agree, compare, kept, show
 
 from fourpole.campaign.vehicle import vehicle_named
+from fourpole.core.recursion import driven
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.ride.linear import driven
 from fourpole.ride.response import Condensed, frequencies_of, ride
 from fourpole.ride.road import ClassRoad
 from fourpole.ride.time import ride_in_time, whole_system

@@ -31,7 +31,7 @@ import numpy as np
 
 from fourpole.errors import FourpoleError
 from fourpole.io.formats import famos, lvm, rpc, text, tydex, wav
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000

@@ -39,17 +39,15 @@ IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "files.read(", "buffer")
 #: Where a call may stand, and why. A path with a colon names a function of the file.
 MAY = {
     "io/door.py": "the door",
-    "io/lock.py": "opens folders, to lock them",
     "io/worker.py": "the worker's own pipes and what the system says of it",
     "io/processes.py": "what the system says of a process",
     "app/events.py": "standard input",
     # made by this process just now, in a new folder that nobody else knows
     "io/published.py": "a writer's own new files",
-    "io/staging.py": "keeps the former files",
+    "io/lock.py": "opens folders, to lock them, and keeps the former files",
     "io/formats/uff.py": "its own copies of data sets",
     "io/tables/responses.py": "its own copies of data sets",
-    "io/writers/tables.py": "its own parts",
-    "io/writers/mdf.py": "makes an empty one",
+    "io/writers.py": "its own parts, and an empty MDF file",
     "export/uff.py": "what it writes",
     "virtual/folder.py": "truth.csv of the folder that it made",
     # package data
@@ -57,16 +55,16 @@ MAY = {
     "report/html.py": "templates and styles, and what the browser printed",
     "app/group.py": "groups of commands",
     "app/options.py": "the words of options",
-    "report/selftest/run.py": "the reference data",
+    "report/selftest/__init__.py": "the reference data",
     "served/site.py": "scripts and styles",
-    "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
+    "export/fmi/description.py": "the source of FMUs, and what the compiler made",
     "plot/lineart.py": "drawings",
     "words/__init__.py": "what a package states: sentences, captions, looks",
     "io/origin.py": "the package's own repository",
     "io/kernel.py": "the source of its library",
     # the user's own
     "served/signals.py": "samples in the user's own cache folder",
-    "lab/layout.py": "the data set",
+    "lab/dataset.py": "the data set",
 }
 
 

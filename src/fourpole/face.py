@@ -7,7 +7,6 @@ the public function `draw`, which `fourpole.__init__` has the home of. Registrie
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -21,8 +20,3 @@ def load(place: str) -> Any:
     """What a registry names by its place, as "fourpole.models.springs.Spring"."""
     module, _, name = place.rpartition(".")
     return getattr(import_module(module), name)
-
-
-def moved_to(module: str) -> Callable[[str], Any]:
-    """The `__getattr__` of a module whose names are in another module now."""
-    return lambda name: load(f"{module}.{name}")

@@ -128,11 +128,6 @@ class Quantity:
         return f"{self.name} [{self.shown}]"
 
     @property
-    def u_label(self) -> str:
-        """Label of the standard uncertainty: its name with the shown unit."""
-        return f"u({self.name}) [{self.shown}]"
-
-    @property
     def stated_head(self) -> str:
         """Head of its column in tests.csv."""
         return f"{self.key} [{self.unit if self.scale == 1 else self.shown}]"

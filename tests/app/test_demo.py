@@ -98,7 +98,7 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     """With the summary for programs, and of a small campaign without a report, so that it is quick."""
     from fourpole.app import analysis
     from fourpole.virtual import simulate_campaign
-    from fourpole.virtual.demo import demo_settings
+    from fourpole.virtual.simulate import demo_settings
 
     def small(folder, **settings):
         kept = [test for test in settings.pop("tests", ()) if "1.8bar" in test.name]

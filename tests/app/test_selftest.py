@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fourpole.report.selftest.run import number
+from fourpole.report.selftest import number
 
 
 def test_the_command_prints_a_table_and_writes_what_is_wanted(run, tmp_path):
@@ -23,7 +23,7 @@ def test_the_command_prints_a_table_and_writes_what_is_wanted(run, tmp_path):
 def test_an_installation_without_its_data_is_said(run, monkeypatch, tmp_path, content, said):
     if content is not None:
         (tmp_path / "vectors.json").write_text(content)
-    monkeypatch.setattr("fourpole.report.selftest.run.reference", lambda: tmp_path)
+    monkeypatch.setattr("fourpole.report.selftest.reference", lambda: tmp_path)
     done = run("selftest")
     assert done.exit_code == 2
     assert f"{said}" in done.output
@@ -32,7 +32,7 @@ def test_an_installation_without_its_data_is_said(run, monkeypatch, tmp_path, co
 
 def test_the_command_fails_where_a_value_does(run, monkeypatch):
     bad = number("tyre", "core.tyre.mobility", "Re V1/F1", "m/(N s)", "1.0", 1.1, 1e-9)
-    monkeypatch.setattr("fourpole.report.selftest.run.compared_campaign", lambda name: [bad])
+    monkeypatch.setattr("fourpole.report.selftest.compared_campaign", lambda name: [bad])
     done = run("selftest")
     assert done.exit_code == 3
     assert "differs by 0.1 m/(N s), tolerance 1e-09" in done.output

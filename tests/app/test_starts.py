@@ -15,7 +15,7 @@ from tests.processes import environment
 from tests.served.server import Server, serving
 
 from fourpole.errors import FileError
-from fourpole.export.fmi.csource import COMPILERS
+from fourpole.export.fmi.description import COMPILERS
 from fourpole.report.html import browser
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 

@@ -22,6 +22,7 @@ from fourpole.campaign.defaults import (
 )
 from fourpole.campaign.schema import ConditionsFile, SpecimenFile
 from fourpole.core.components import COMPONENTS, component
+from fourpole.core.joint.unstated import PRESLIDING, PRESLIDING_STD
 from fourpole.core.rig import PARAMETERS
 from fourpole.core.sources import Kind
 
@@ -56,6 +57,11 @@ HALF = "half of `std_gain` and `std_phase`"
         ("`std_delay`, with `[logger] simultaneous = true`", f"{1e6 * SIMULTANEOUS_STD:g} µs"),
         ("`std_low_cut`, with another or no `coupling`", f"{std(Kind.LOW_CUT):g} Hz"),
         ('`std_low_cut`, with `coupling = "iepe"`', f"{IEPE_STD:g} Hz"),
+        ("`std_low_cut` of an acceleration, without `coupling`", f"{IEPE_STD:g} Hz"),
+        (
+            "below it the friction is a spring",
+            f"{1e3 * PRESLIDING:g} mm, within a factor of {np.exp(PRESLIDING_STD):.2g}",
+        ),
         ("`std_low_cut`, with `low_cut`", f"{100 * LOW_CUT_STD:g} % of it"),
         ("`std_slope` of a channel", f"{100 * std(Kind.SLOPE):g} %"),
         ('`std_mounting` of V1, `mounted = "specimen"` or not stated', f"{HALF}, at most {MOUNTING}"),

@@ -10,7 +10,7 @@ from unittest.mock import MagicMock, patch
 import pytest
 
 from fourpole.campaign import channels, folder, limits, place, report, row
-from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties, doubtful_values
+from fourpole.campaign.limits import doubtful_columns, doubtful_uncertainties, doubtful_values
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.chain import HighPass
 from fourpole.errors import CampaignError

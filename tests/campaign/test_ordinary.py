@@ -91,6 +91,11 @@ def test_a_key_of_v1_states_its_error(keys):
     assert errors_of(stated(keys=keys))[error] == pytest.approx(size, rel=1e-12)
 
 
+@pytest.mark.parametrize(("keys", "size"), [("", 0.3), ('coupling = "ac"', 0.05), ('coupling = "dc"', 0.0)])
+def test_an_accelerometer_of_which_nothing_is_stated_has_a_supply(keys, size):
+    assert errors_of(stated(keys=keys, motion_in="m/s²"))["low_cut"] == pytest.approx(size, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("keys", "size"),
     [

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fourpole.core.decimate import Decimator
+from fourpole.core.recording import Decimator
 
 
 def thinned(samples, factor, cuts=()):

@@ -11,6 +11,7 @@ import pytest
 from tests.core.test_curves import campaign
 from tests.core.test_recordingchecks import one_test
 
+from fourpole.core.alone import is_plausible, k1_exchanged
 from fourpole.core.condition import AMPLITUDE, FREQUENCY
 from fourpole.core.curves import curves_of
 from fourpole.core.demodulation.demodulate import Harmonics
@@ -18,7 +19,6 @@ from fourpole.core.joint.misfit import is_unlikely
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_consistency, check_halves, excess, force_bend, judged_excess
 from fourpole.core.rig import Rig
-from fourpole.core.scales import is_plausible, k1_exchanged
 from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.fixture import given_way, without_fixture
 from fourpole.core.identify import identify
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.core.phasor import Phasors
-from fourpole.core.rig import Rig
+from fourpole.core.rig import Rig, given_way, without_fixture
 from fourpole.core.sources import Kind, Source
 
 MASS, SPRING, INPUT, FIXTURE = 15.0, 12440.0, 0.8, 2e7

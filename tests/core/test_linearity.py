@@ -5,7 +5,7 @@ import pytest
 
 from fourpole.core.checks import Code
 from fourpole.core.demodulation.demodulate import demodulate
-from fourpole.core.recordingchecks import linearity_checks
+from fourpole.core.recordingchecks import excess, judged_excess
 from fourpole.core.rig import Rig
 
 HERTZ, MASS, SPRING, DAMPER = 13.7, 15.0, 12440.0, 30.0
@@ -37,7 +37,7 @@ def third(share, force):
 
 def verdicts(recording, rig=RIG):
     found = demodulate(recording)
-    return {row.code: row.verdict for row in linearity_checks(found.harmonics, HERTZ, rig, 0.0)}
+    return {row.code: row.verdict for row in judged_excess(excess(found.harmonics, 2 * np.pi * HERTZ, rig, 0.0))}
 
 
 @pytest.fixture
@@ -110,9 +110,8 @@ def test_a_harmonic_on_the_mains_is_not_used(record):
     time = (np.arange(4000) - 1999.5) / 1000.0
     hum = np.stack([20 * np.sin(2 * np.pi * 50 * time), 0 * time])
     rows = np.array([[100.0, 0.06]])
-    (check,) = linearity_checks(
-        demodulate(record(rows, 10.0, samples=4000, extra=hum)).harmonics, 10.0, Rig(blocked=True), 0.0
-    )
+    found = demodulate(record(rows, 10.0, samples=4000, extra=hum)).harmonics
+    (check,) = judged_excess(excess(found, 2 * np.pi * 10.0, Rig(blocked=True), 0.0))
     assert check.verdict == "ok"
 
 
@@ -138,7 +137,7 @@ def bench(record, force, motion, seed=0):
     rows = np.stack([force, SLOW * motion], axis=1)
     noise = np.random.default_rng(seed).normal(size=(2, 2000)) * np.array([[1e-3 * abs(force[0])], [1e-5]])
     found = demodulate(record(rows, 1.0, rate=100.0, samples=2000, extra=noise))
-    return {row.code: row.verdict for row in linearity_checks(found.harmonics, 1.0, Rig(blocked=True), 0.0)}
+    return {row.code: row.verdict for row in judged_excess(excess(found.harmonics, 2 * np.pi, Rig(blocked=True), 0.0))}
 
 
 @pytest.mark.parametrize("name", BODIES)

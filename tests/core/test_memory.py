@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.memory import memories, whitened
+from fourpole.core.branches import memories, whitened
 
 
 def covariance(count, decay, share):

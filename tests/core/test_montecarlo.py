@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fourpole.core.confidence import LEVELS
+from fourpole.core.curvature import arm_intervals, draw_around, draw_route
 from fourpole.core.identify import ChannelUncertainty, identify
-from fourpole.core.montecarlo import arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import zener_stiffness

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.nested import Nested, nested_fit
+from fourpole.core.curves import Nested, nested_fit
 
 
 def problem(seed=0, families=7, each=9, common=2):

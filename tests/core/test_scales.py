@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from fourpole.core.alone import check_scale, k1_exchanged
 from fourpole.core.checks import Code
 from fourpole.core.phasor import Phasors
 from fourpole.core.routes import relative_route
-from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.words import remark_of, said
 
 K1, OMEGA = 1e5, 2 * np.pi * 14.0

@@ -16,10 +16,9 @@ from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, Channel
 from fourpole.core.routes import stiffness_by
-from fourpole.core.spectra.average import cross_spectra, independent
+from fourpole.core.spectra.average import Ratios, cross_spectra, independent, with_bend
 from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
-from fourpole.core.spectra.ratios import Ratios, with_bend
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 

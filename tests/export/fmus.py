@@ -14,11 +14,10 @@ import pytest
 
 from fourpole.core.specimen import Form, Specimen
 from fourpole.export.fmi import fmu
-from fourpole.export.fmi.csource import COMPILERS, common_source, model_source
-from fourpole.export.fmi.variables import Point, states_in
-from fourpole.models.belted import belt_modes, weight
+from fourpole.export.fmi.description import COMPILERS, common_source, model_source
+from fourpole.export.fmi.variables import Point, is_belted, states_of_part
 from fourpole.models.families import model_named
-from fourpole.models.realised import realised
+from fourpole.models.realised import belt_modes, realised, weight
 from fourpole.paper1982.shell import RADIAL_PLY, Shell
 
 #: A model with inertia, and thus with pairs of states; of few modes, so that its files are small.
@@ -54,6 +53,11 @@ def points(models=MODELS, belt=None):
         return found
     belted = [Point(one.label, one.system, belt_modes(one.system, belt, BAND), weight(belt)) for one in found]
     return [Point("massless", found[0].system), *belted]
+
+
+def states_in(several):
+    """Number of states."""
+    return states_of_part(several) * (1 + is_belted(several))
 
 
 #: Number of states of the FMU of all models.

@@ -14,7 +14,7 @@ from tests.export.vehicle import LOAD, PRESSURE, parameters, table
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, UnitError
 from fourpole.export import export_results
-from fourpole.fitting.inertia import InertiaFile, Inertias, belt_stated, mean_inertia
+from fourpole.fitting.inertia import InertiaFile, belt_stated, mean_inertia
 from fourpole.fitting.measured import measured_of, read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
@@ -191,4 +191,3 @@ def test_a_belt_that_is_stated():
         with pytest.raises(UnitError, match="--belt-share"):
             belt_stated(mass, share)
     assert mean_inertia([None]) is None
-    assert Inertias().at("tyre", {}) is None

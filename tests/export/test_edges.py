@@ -13,7 +13,7 @@ import pytest
 from tests.export.fmus import MODELS, instance, made, unpacked
 
 from fourpole.errors import FourpoleError
-from fourpole.export import fe, fmi
+from fourpole.export import fmi, materials
 from fourpole.export.kinds import _misfits
 from fourpole.export.lookup import _Sheet
 from fourpole.export.netcdf import _dynamic_grid
@@ -85,7 +85,7 @@ def arms(write):
     def writing(count):
         one = MagicMock(arms=SimpleNamespace(springs=np.ones(count), times=np.geomspace(1e-3, 1.0, count)))
         with patch.multiple(
-            fe, materials_of=lambda *given: ([one], ()), _write=MagicMock(), no_moduli=lambda given: ()
+            materials, materials_of=lambda *given: ([one], ()), _write=MagicMock(), no_moduli=lambda given: ()
         ):
             write(None, None)
 
@@ -103,8 +103,8 @@ EDGES = {
     "rows of a sheet of a workbook, 1 048 575": (
         lambda rows: len(list(_parts("a", pl.DataFrame({"a": np.zeros(rows)})))), {1_048_575: 1, 1_048_576: 2},
     ),
-    "arms of ANSYS, 100": (taken(arms(fe.write_ansys)), {100: True, 101: False}),
-    "arms of LS-DYNA, 17 beside the modulus at rest": (taken(arms(fe.write_lsdyna)), {17: True, 18: False}),
+    "arms of ANSYS, 100": (taken(arms(materials.write_ansys)), {100: True, 101: False}),
+    "arms of LS-DYNA, 17 beside the modulus at rest": (taken(arms(materials.write_lsdyna)), {17: True, 18: False}),
 }  # fmt: skip
 
 

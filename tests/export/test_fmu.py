@@ -19,7 +19,7 @@ from tests.export.vehicle import FREQUENCY, LOAD, PRESSURE, parameters, table
 
 from fourpole.errors import CampaignError, ModelError
 from fourpole.export import export_results
-from fourpole.export.fmi.csource import COMPILED, compiled_files
+from fourpole.export.fmi.description import COMPILED, compiled_files
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.families import model_named

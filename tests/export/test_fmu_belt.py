@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tests.export.fmus import BELT, INPUTS, MODELS, instance, made, points, states_in, unpacked
 
+from fourpole.core.recursion import LinearSystem, driven
 from fourpole.core.specimen import Specimen
 from fourpole.export.fmi.variables import variables_of
-from fourpole.models.belted import both_ends
-from fourpole.ride.linear import LinearSystem, driven
+from fourpole.models.realised import both_ends
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
 from fmpy.fmi1 import FMICallException  # noqa: E402

@@ -25,12 +25,12 @@ from tests.export.fmus import (
     unpacked,
 )
 
+from fourpole.core.recursion import LinearSystem, driven
 from fourpole.export.fmi.variables import variables_of
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
 from fourpole.paper1982.shell import RADIAL_PLY
-from fourpole.ride.linear import LinearSystem, driven
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
 from fmpy.fmi1 import FMICallException  # noqa: E402

@@ -7,7 +7,7 @@ from tests.export.test_uff import data_sets, function
 
 from fourpole.campaign.row import Test as Row
 from fourpole.core.allpoles import all_poles
-from fourpole.export.twoports import write_two_ports
+from fourpole.export.uff import write_two_ports
 from fourpole.study.twoports import TwoPort
 
 FREQUENCIES = np.array([10.0, 30.0, 50.0, 90.0])

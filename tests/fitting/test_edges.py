@@ -13,12 +13,11 @@ from fourpole import quantities as q
 from fourpole.core.condition import Sameness
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import ModelError
-from fourpole.fitting import byamplitude, hint, measured, modelling, query, ranges, ridetyres, shifting, static
+from fourpole.fitting import byamplitude, mapping, measured, modelling, query, ranges, ridetyres, shifting, static
 from fourpole.fitting.amplitude import levels_of, mixed
 from fourpole.fitting.byamplitude import outside_levels
-from fourpole.fitting.effort import seconds_of_fits
 from fourpole.fitting.modelparts import check_covariance
-from fourpole.fitting.rows import usable
+from fourpole.fitting.rows import seconds_of_fits, usable
 from fourpole.fitting.static import StaticFile, slowest
 from fourpole.fitting.temperature import NO_SHIFT, TemperatureFile
 from fourpole.models.data import StiffnessData
@@ -146,8 +145,8 @@ def errors(found):
     likelihood = MagicMock()
     likelihood.problem.errors, tried = [Source(Kind.GAIN, "V1")], []
     parts = {"_without_error": lambda likelihood, source, value, std: tried.append((round(value, 9), round(std, 9)))}
-    with patch.multiple(hint, _error_of=lambda one, near: found, **parts):
-        hint._common_error([None], likelihood, Source(Kind.GAIN, "V1"))
+    with patch.multiple(mapping, _error_of=lambda one, near: found, **parts):
+        mapping._common_error([None], likelihood, Source(Kind.GAIN, "V1"))
     return tried
 
 

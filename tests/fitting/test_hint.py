@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.models.one_mass import as_recorded, broad, impossible, solved, zener
 
-from fourpole.fitting.hint import channel_hint
+from fourpole.fitting.mapping import channel_hint
 from fourpole.fitting.measured import Measured
 from fourpole.models.causality import check_possible
 

@@ -13,7 +13,7 @@ from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.overtime import fit_over_time
 from fourpole.fitting.query import Query, ask
 from fourpole.io.tables.kstar import TableOptions
-from fourpole.io.tables.overtime import read_over_time
+from fourpole.io.tables.pair import read_over_time
 
 REST, SPRING, TAU = 1e5, 5e4, 0.5
 TIME = np.geomspace(0.01, 100.0, 50)

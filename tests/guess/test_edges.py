@@ -11,13 +11,13 @@ import pytest
 
 from fourpole.errors import CampaignError
 from fourpole.guess import conditions, gather, roles, signals, specimens, together
-from fourpole.guess.channels import Column, Role
 from fourpole.guess.gather import _recorded
 from fourpole.guess.names import Token, read_name
 from fourpole.guess.pattern import read_pattern
 from fourpole.guess.roles import checked_force, static_roles
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.together import _Together
+from fourpole.words.heads import Column, Role
 
 AT = np.arange(4000)
 FORCE = Role("force_in", "F1", "N", "force")

@@ -98,8 +98,8 @@ def test_a_random_recording_has_its_band_and_a_doubt(tmp_path):
 def test_a_command_signal_is_the_drive_and_no_measured_role(tmp_path, head, doubt):
     v1 = band_limited(5, 100)
     columns = {"t [s]": T, head: 900 * v1, "F1 [N]": 100 * v1, "V1 [m/s]": v1, "V2 [m/s]": 0.3 * v1}
-    record(tmp_path, "mount_random_a", columns)
-    record(tmp_path, "mount_random_b", columns)
+    for name in ("mount_random_a", "mount_random_b"):
+        record(tmp_path, name, {column: values[: int(16 * RATE)] for column, values in columns.items()})
     guess = guess_campaign(tmp_path)
     roles = {role: one.column for role, one in guess.roles.items()}
     name = head.partition(" [")[0]

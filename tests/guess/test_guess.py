@@ -16,12 +16,12 @@ from fourpole.campaign.channels import ChannelFile
 from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
 from fourpole.guess import guess_campaign
-from fourpole.guess.channels import column_of
 from fourpole.guess.conditions import Entry, read_conditions
 from fourpole.guess.names import read_header, read_name
 from fourpole.guess.write import campaign_toml
 from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
+from fourpole.words.heads import column_of
 
 pytestmark = pytest.mark.thorough
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fourpole.guess import masses
-from fourpole.guess.channels import Column, Role
 from fourpole.guess.masses import _apart, _departure, by_mass, rig_doubt
+from fourpole.words.heads import Column, Role
 
 NEAR = Role("motion_in", "acc_base", "m/s^2", "acceleration")
 FAR = Role("motion_out", "acc_mass", "m/s^2", "acceleration")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fourpole.guess import guess_campaign
-from fourpole.guess.channels import column_of
 from fourpole.study import analyse
+from fourpole.words.heads import column_of
 
 RATE = 1000.0
 FREQUENCIES = (8.0, 12.0, 20.0, 31.0)
@@ -350,7 +350,7 @@ def test_the_stiffness_of_a_laboratory_is_right_without_an_edit(name, tmp_path):
 
 @pytest.mark.parametrize("digits", ["%.5g", "%.3f"])
 def test_a_random_recording_with_times_of_a_few_digits_has_its_band(digits, tmp_path):
-    rate, count = 2048.0, 60 * 2048
+    rate, count = 2048.0, 32 * 2048
     lines = np.fft.rfft(np.random.default_rng(1).standard_normal(count))
     lines[~((np.fft.rfftfreq(count, 1 / rate) > 5) & (np.fft.rfftfreq(count, 1 / rate) < 100))] = 0.0
     x = np.fft.irfft(lines, count)

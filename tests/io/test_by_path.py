@@ -17,8 +17,7 @@ from tests.study.test_formats import as_tydex
 
 from fourpole.errors import FileError
 from fourpole.io import door
-from fourpole.io.known import BEGINS
-from fourpole.io.recordings import BY_PATH
+from fourpole.io.recordings import BEGINS, BY_PATH
 from fourpole.io.signals import Request
 
 pytestmark = pytest.mark.thorough

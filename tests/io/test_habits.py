@@ -15,8 +15,7 @@ from fourpole.core.rig import Rig
 from fourpole.errors import TableError
 from fourpole.fitting.measured import read_measured
 from fourpole.io.tables.kstar import TableOptions, read_k_star
-from fourpole.io.tables.overtime import read_over_time
-from fourpole.io.tables.pair import read_curve
+from fourpole.io.tables.pair import read_curve, read_over_time
 
 F = np.array([2.0, 5.0, 10.0, 20.0, 40.0])
 W = 2 * np.pi * F

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fourpole.errors import FileError
-from fourpole.io.staging import staged
+from fourpole.io.lock import staged
 from fourpole.io.write import remove_leftovers
 
 FORMER = {

@@ -8,7 +8,7 @@ import shutil
 import polars as pl
 import pytest
 
-from fourpole.lab import compared, difference, gather
+from fourpole.lab import dataset, difference, gather
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ EDGES = {
 @pytest.mark.parametrize(("column", "first", "cases"), [(name, *edge) for name, edge in EDGES.items()], ids=EDGES)
 @pytest.mark.sampled(4)
 def test_a_tolerance_decides_between_two_cases(data, monkeypatch, column, first, cases):
-    scan, found = compared.scan, {}
+    scan, found = dataset.scan, {}
     for case in cases:
 
         def changed(folder, table="tests", case=case):
@@ -37,6 +37,6 @@ def test_a_tolerance_decides_between_two_cases(data, monkeypatch, column, first,
             there = column in frame.collect_schema().names()
             return frame.with_columns(value.alias(column)) if there else frame
 
-        monkeypatch.setattr(compared, "scan", changed)
+        monkeypatch.setattr(dataset, "scan", changed)
         found[case] = difference(data, "2024", "south/2025").height
     assert found == cases

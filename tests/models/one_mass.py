@@ -10,7 +10,7 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.fitting.likelihood import likelihood_of
 from fourpole.models.data import StiffnessData
-from fourpole.models.recorded import Recorded
+from fourpole.models.problem import Recorded
 
 MASS, SPRING, DAMPER = 15.0, 12e3, 20.0
 

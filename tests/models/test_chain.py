@@ -8,7 +8,7 @@ from fourpole.core.rig import Rig
 from fourpole.core.twoport import cascade, chain_mobility, chain_transmissibility, mass
 from fourpole.core.tyre import zener_mobility, zener_transmissibility
 from fourpole.errors import ModelError
-from fourpole.models.chain import four_pole, in_time, mobility, transmissibility, transmissibility_derivative
+from fourpole.models.chain import four_pole, in_time, mobility, transmissibility
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.springs import KelvinVoigt, Spring
@@ -81,22 +81,6 @@ def test_a_blocked_rig_moves_nowhere():
     at = Zener(), [180e3, 120e3, 700.0], Rig(blocked=True), OMEGA
     np.testing.assert_allclose(mobility(*at), 1j * OMEGA / Zener().stiffness(at[1], OMEGA), rtol=ROUND_OFF)
     assert not transmissibility(*at).any()
-    assert not transmissibility_derivative(*at).any()
-    assert transmissibility_derivative(*at).shape == (OMEGA.size, 3)
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_derivatives_are_those_of_the_transmissibility(name):
-    """Central differences with steps of 1e-5: the third derivative leaves 1e-10, round-off 1e-11."""
-    model, values = MODELS[name]
-    found = transmissibility_derivative(model, values, ALL, OMEGA, 5.0)
-    assert found.shape == (OMEGA.size, len(values))
-    t = transmissibility(model, values, ALL, OMEGA, 5.0)
-    for at, value in enumerate(values):
-        sets = np.array([values, values])
-        sets[:, at] += [1e-5 * value, -1e-5 * value]
-        above, below = transmissibility(model, sets, ALL, OMEGA, 5.0)
-        np.testing.assert_allclose(found[:, at] * value, (above - below) / 2e-5, atol=1e-8 * abs(t).max())
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -104,7 +88,7 @@ def test_many_sets_and_a_row_of_frequencies_for_each(name):
     model, values = MODELS[name]
     sets = np.array(values) * [[1.0], [0.97]]
     rows = np.array([OMEGA, OMEGA[::-1]])
-    for call in (mobility, transmissibility, transmissibility_derivative):
+    for call in (mobility, transmissibility):
         together, each = call(model, sets, ALL, OMEGA), call(model, sets, ALL, rows)
         for at, one in enumerate(sets):
             np.testing.assert_allclose(together[at], call(model, one, ALL, OMEGA), rtol=ROUND_OFF)
@@ -134,7 +118,6 @@ def test_a_fractional_model_is_arms_in_time_as_accurate_as_asked(name, accuracy)
     [
         (lambda: mobility(*MODELS["table"], PAPER, [2 * np.pi * 40.0]), "from 5 to 31 Hz, without 40 Hz"),
         (lambda: transmissibility(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "from 5 to 31 Hz, without 4 Hz"),
-        (lambda: transmissibility_derivative(*MODELS["table"], PAPER, [2 * np.pi * 4.0]), "without 4 Hz"),
         (lambda: four_pole(*MODELS["table"], [2 * np.pi * 4.0]), "without 4 Hz"),
         (lambda: four_pole(Spring(), [0.0], OMEGA), "K\\* of the spring model is zero"),
         (lambda: four_pole(Spring(), [1e5], [0.0]), "must be positive"),

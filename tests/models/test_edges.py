@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from fourpole.errors import ModelError
-from fourpole.models import causality, choice, ladder, realised, restricted, shift_law, superposition
+from fourpole.models import causality, choice, ladder, realised, shift_law, superposition, surface_choice
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import StiffnessData
 from fourpole.models.kraus import Separation
 from fourpole.models.ladder import Of, Rung
 from fourpole.models.maxwell import Zener
 from fourpole.models.operating import OperatingMap
-from fourpole.models.overlap import LEVEL, ONE_CURVE, TOO_SHORT, _overlap
-from fourpole.models.recorded import Recorded, bends
+from fourpole.models.problem import Recorded, bends
+from fourpole.models.shift_law import LEVEL, ONE_CURVE, TOO_SHORT, _overlap
 
 LN_10 = np.log(10.0)
 
@@ -90,9 +90,9 @@ def scattered(gain):
     def least(variances, unknown):
         return SimpleNamespace(variances=np.where(unknown, 1.0, 0.0), value=-gain * np.sum(unknown))
 
-    with patch.multiple(restricted, _Likelihood=lambda found: SimpleNamespace(least=least), Scatter=MagicMock()):
-        restricted.scatter_of(found)
-        return int(np.sum(restricted.Scatter.of.call_args.args[0] > 0))
+    with patch.multiple(surface_choice, _Likelihood=lambda found: SimpleNamespace(least=least), Scatter=MagicMock()):
+        surface_choice.scatter_of(found)
+        return int(np.sum(surface_choice.Scatter.of.call_args.args[0] > 0))
 
 
 def decided(apart):

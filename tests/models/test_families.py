@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -182,24 +181,6 @@ def test_automatic_choices_do_without_the_room_of_the_paper():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
-
-
-@pytest.mark.parametrize(
-    ("former", "name", "now"),
-    [
-        ("springs", "Structural", "models"),
-        ("table", "Gehman", "models"),
-        ("table", "GehmanLaw", "models"),
-        ("shell", "natural_frequencies", "cylinder"),
-        ("tyre_shell", "RADIAL_PLY", "shell"),
-    ],
-)
-def test_former_places_of_names_still_work(former, name, now):
-    assert getattr(import_module(f"fourpole.models.{former}"), name) is getattr(
-        import_module(f"fourpole.paper1982.{now}"), name
-    )
-    with pytest.raises(AttributeError):
-        _ = import_module(f"fourpole.models.{former}").nothing
 
 
 def test_special_cases_hold_at_second_hand_and_by_size():

@@ -7,7 +7,7 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import PRIOR, PRIOR_WIDTH, Conditions, Scatter
 from fourpole.models.maxwell import Zener
-from fourpole.models.restricted import _Likelihood, scatter_of
+from fourpole.models.surface_choice import _Likelihood, scatter_of
 from fourpole.models.together import search
 
 OMEGA = 2 * np.pi * np.geomspace(4.0, 40.0, 6)

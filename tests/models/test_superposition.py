@@ -5,7 +5,7 @@ import pytest
 from tests.models.isotherms import REFERENCE, fractional_zener, isotherm, isotherms, log_a
 
 from fourpole.errors import ModelError
-from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, overlaps
+from fourpole.models.shift_law import LEVEL, LOSS, ONE_CURVE, overlaps
 from fourpole.models.superposition import superpose
 
 DECADE = np.log(10)

@@ -5,17 +5,15 @@ from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src" / "fourpole"
 REGISTRIES = {"models/families.py", "findings/list.py", "report/words/sentence.py", "plot/catalogue.py"}
-#: Modules that were the home of a name of the room before.
-FORMER = {"models/springs.py", "models/table.py", "models/shell.py", "models/tyre_shell.py"}
 
 
-def test_other_rooms_name_it_in_four_registries_and_where_its_names_were():
+def test_other_rooms_name_it_in_four_registries():
     naming = {
         path.relative_to(SOURCE).as_posix()
         for path in SOURCE.rglob("*.py")
         if path.parent.name != "paper1982" and "paper1982" in path.read_text(encoding="utf-8")
     }
-    assert naming == REGISTRIES | FORMER
+    assert naming == REGISTRIES
 
 
 def test_each_figure_of_its_catalogue_is_made_here():

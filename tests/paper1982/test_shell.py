@@ -17,16 +17,7 @@ from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
 from fourpole.io.seal import sealed
 from fourpole.models.step import simulate
-from fourpole.paper1982.cylinder import (
-    Cylinder,
-    elasticity,
-    enough_terms,
-    flexibility,
-    mode_shape,
-    natural_frequencies,
-    radial_answer,
-    shares,
-)
+from fourpole.paper1982.cylinder import Cylinder, elasticity, flexibility, natural_frequencies, radial_answer, shares
 from fourpole.paper1982.shell import CROSS_PLY, RADIAL_PLY, Shell
 
 pytestmark = pytest.mark.thorough
@@ -248,60 +239,6 @@ def test_what_the_tension_adds_is_its_work_on_the_deformed_shape(edges, n, m):
         assert second == pytest.approx(area * part @ square @ part, abs=1e-8 * area * pressure / radius)
 
 
-@pytest.mark.parametrize("edges", ["guided", "supported"])
-@pytest.mark.parametrize(("n", "m"), [(2, 1), (1, 3), (3, 2)])
-@pytest.mark.parametrize("branch", [0, 1, 2])
-def test_each_shape_has_the_frequency_of_its_energy(edges, n, m, branch):
-    """Rayleigh's quotient with Sanders' strains of a thick wall, by differences: 1e-3 steps leave (1e-3 x 10)²/12."""
-    radius, width, membrane, bending, nu = 1.0, 1.5, 1.0, 0.02, 0.3
-    one = Cylinder(radius, width, membrane, bending, 0.0, 0.0, 1.0, poisson=nu, edges=edges)
-    step, count = 1e-3, 24
-    theta = 2 * np.pi * np.arange(count)[:, None] / count
-    y = (np.arange(count) + 0.5)[None, :] * width / count
-
-    def shape(turns, slides):
-        return np.array(mode_shape(one, n, m, theta + turns * step, y + slides * step, branch))
-
-    here = shape(0, 0)
-    u, v, w = here
-    ut, vt, _ = (shape(1, 0) - shape(-1, 0)) / (2 * step)
-    uy, vy, _ = (shape(0, 1) - shape(0, -1)) / (2 * step)
-    wtt = (shape(1, 0) + shape(-1, 0) - 2 * here)[2] / step**2
-    wyy = (shape(0, 1) + shape(0, -1) - 2 * here)[2] / step**2
-    wty = (shape(1, 1) - shape(1, -1) - shape(-1, 1) + shape(-1, -1))[2] / (4 * step**2)
-
-    def energy(scale, along, around, shear):
-        return scale * np.mean(along**2 + around**2 + 2 * nu * along * around + (1 - nu) / 2 * shear**2)
-
-    stretched = energy(membrane, uy, (vt + w) / radius, vy + ut / radius)
-    twist = -(2 * wty - 1.5 * vy + ut / (2 * radius)) / radius
-    bent = energy(bending, -wyy, -(wtt - vt) / radius**2, twist)
-    found = np.sqrt((stretched + bent) / np.mean(u**2 + v**2 + w**2)) / (2 * np.pi)
-    assert found == pytest.approx(natural_frequencies(one, n, m)[branch], rel=1e-5)
-
-
-def test_shapes_keep_to_their_edges():
-    theta, y = np.linspace(0, 2 * np.pi, 7), np.array([0.0, 0.2])[:, None]
-    held = Cylinder(0.3, 0.2, 1e7, 4.0, 2e5, 6e6, 12.0, edges="supported")
-    u, v, w = mode_shape(held, 2, 3, theta, y)
-    assert np.abs(v).max() < 1e-12
-    assert np.abs(w).max() < 1e-12
-    assert np.abs(u).max() > 1e-3
-    u, v, w = mode_shape(ring(1e7), 2, 4, theta, y)
-    assert np.abs(u).max() < 1e-12
-    assert np.abs(w).max() == pytest.approx(1.0)
-
-
-def test_shapes_by_branch_are_those_of_their_frequencies():
-    """The oval ring has v = -w/n; the second, which stretches, w = v/n: they are at right angles."""
-    _, v, w = mode_shape(ring(1e8), 3, 0, [0.0, np.pi / 6], 0.05)
-    assert v[1] / w[0] == pytest.approx(-1 / 3, abs=1e-4)
-    _, v, w = mode_shape(ring(1e8), 3, 0, [0.0, np.pi / 6], 0.05, branch=1)
-    assert w[0] / v[1] == pytest.approx(1 / 3, abs=1e-4)
-    with pytest.raises(ModelError, match="has no motion 2"):
-        mode_shape(ring(1e8), 3, 0, 0.0, 0.0, branch=2)
-
-
 def test_arrays_of_cylinders_are_each_by_itself():
     many = Cylinder([0.25, 0.3], 0.2, [1e7, 2e7], 4.0, 2e5, 6e6, 12.0)
     found = natural_frequencies(many, np.arange(4)[:, None], [0, 2])
@@ -313,25 +250,6 @@ def test_arrays_of_cylinders_are_each_by_itself():
         flexibility(Cylinder(0.25, 0.2, 1e7, 4.0, 2e5, 6e6, 12.0), 0.1, 0.0),
         rtol=1e-12,
     )
-
-
-# --- how many terms
-
-
-@pytest.mark.parametrize(("length", "share"), [(0.0, 0.0), (0.0, 1.0), (0.02, 0.3), (0.1, 0.8)])
-@pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
-@pytest.mark.sampled(4)
-def test_enough_terms_are_enough(length, share, accuracy):
-    tyre = Cylinder(0.28, 0.11, 1e7, 10.0, 150e3, 8e6, 16.0)
-    around, across, error = enough_terms(tyre, length, share, accuracy)
-    assert error <= accuracy
-    some, many = (flexibility(tyre, length, share, around=times * around, across=times * across) for times in (1, 8))
-    assert 0 <= many / some - 1 < 1.1 * error
-
-
-def test_a_point_on_a_wall_that_hardly_bends_is_told():
-    with pytest.raises(ModelError, match="state a patch"):
-        enough_terms(Cylinder(0.28, 0.11, 1e7, 0.0, 150e3, 8e6, 16.0), 0.0, 0.0, 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -364,8 +282,6 @@ def test_impossible_questions_are_refused():
         natural_frequencies(Cylinder(0.3, 1.0, 1e3, 1e-6, 2e5, 0.0, 1.0, axial=0.0), 1, 1)
     with pytest.raises(ModelError, match="at least one harmonic"):
         flexibility(tube(0.01, 1.0), 0.0, 0.0, around=0)
-    with pytest.raises(ModelError, match="accuracy must be positive"):
-        enough_terms(tube(0.01, 1.0), 0.1, 0.5, 0.0)
 
 
 # --- the model

@@ -19,7 +19,7 @@ from fourpole.core.tyre import (
     zener_stiffness,
     zener_transmissibility,
 )
-from fourpole.report.selftest.run import cases
+from fourpole.report.selftest import cases
 
 # The vectors are exact to 17 digits. The steepest of them, V1/F1 close to the resonance of tyre and rig, multiplies
 # round-off by about 70 on the way to K2 and C: 70 · 2.2e-16 = 1.5e-14, and fewer than 50 operations lead there.

@@ -11,8 +11,8 @@ import pytest
 from fourpole import quantities as q
 from fourpole.core.sources import Kind, Source
 from fourpole.report import front
+from fourpole.report import standards as measures
 from fourpole.report.digits import decimals_of, with_u
-from fourpole.report.standards import measures
 from fourpole.report.words import limits, plan, rig
 
 

@@ -12,9 +12,16 @@ from fourpole.findings.conformity import judged
 from fourpole.findings.facts import Facts
 from fourpole.quantities import K1, ShownUnits
 from fourpole.report.digits import bar, newton, shown
-from fourpole.report.front import conformity_table, front_page, load_of_index, misfit_line, verdict_line
+from fourpole.report.front import (
+    conformity_table,
+    front_page,
+    load_of_index,
+    misfit_line,
+    named_by_condition,
+    short_names,
+    verdict_line,
+)
 from fourpole.report.html import rendered
-from fourpole.report.names import named_by_condition, short_names
 from fourpole.report.page import PARTS, render_report
 from fourpole.report.rows import condition, words
 from fourpole.study.rig_estimate import RigEstimate

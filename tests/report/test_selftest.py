@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from tests.report.mutants import mutated
 
-from fourpole.report.selftest.run import (
+from fourpole.report.selftest import (
     HEADS,
     Compared,
     campaign_names,

@@ -14,8 +14,7 @@ from tests.findings.designed import frame
 
 from fourpole import analyse
 from fourpole.errors import CampaignError
-from fourpole.report.standards import STANDARDS, standard_named
-from fourpole.report.standards.measures import Answer, answered, render_standard
+from fourpole.report.standards import STANDARDS, Answer, answered, render_standard, standard_named
 from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import RADIAL_PLY, RUBBER_MOUNT, simulate_campaign

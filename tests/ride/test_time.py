@@ -8,9 +8,9 @@ from scipy import signal
 from tests.ride.integrator import integrate, integrate_half
 from tests.ride.test_vehicle import HALF
 
+from fourpole.core.recursion import LinearSystem, driven
 from fourpole.errors import ModelError
 from fourpole.models import GeneralisedMaxwell, KelvinVoigt, Spring, Zener
-from fourpole.ride.linear import LinearSystem, driven
 from fourpole.ride.response import frequencies_of, ride
 from fourpole.ride.road import ClassRoad, cleat, pothole
 from fourpole.ride.time import axles, ride_in_time, whole_system, with_weighting

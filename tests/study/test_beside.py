@@ -7,7 +7,7 @@ from fourpole.core.checks import Verdict
 from fourpole.core.recordingchecks import check_tilt
 from fourpole.errors import TableError
 from fourpole.io.signals import Signal
-from fourpole.study.beside import MeanOfSensors
+from fourpole.study.response import MeanOfSensors
 
 TIME = np.arange(4000) / 1000.0
 WAVE = np.sin(2 * np.pi * 20.0 * TIME)

@@ -250,6 +250,15 @@ def test_where_v2_is_missing_in_all_it_says_so(noisy):
     assert study.notes[0] == "[rig]: no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
 
 
+def test_a_specimen_of_a_bench_has_no_inertia_if_the_statement_is_complete(bench):
+    bench.rig = '[rig]\noutput = "blocked"\n'
+    bench.dynamic("D1", blocked=True)
+    toml = bench.write() / "campaign.toml"
+    assert analyse(bench.path).dynamic["K* of"].to_list() == ["springs"]
+    toml.write_text(toml.read_text().replace('"zero"', '"table"'))
+    assert analyse(bench.path).dynamic["K* of"].to_list() == ["driving point"]
+
+
 def test_a_blocked_rig_says_so(bench):
     bench.rig = '[rig]\noutput = "blocked"\n'
     bench.dynamic("D1", blocked=True)

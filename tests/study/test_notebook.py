@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 import fourpole
-from fourpole.core.notebook import notebook_html, outline_svg
+from fourpole.core.digits import notebook_html, outline_svg
 from fourpole.errors import CampaignError
 from fourpole.study.results import read_results
 from fourpole.study.study import Study

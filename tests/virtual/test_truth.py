@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.virtual.truth import draw_truth, state
+from fourpole.virtual.recordings import draw_truth, state
 
 DECLARED = {"tyre_mass": 0.8, "frame_stiffness": 4e6, "preload_loss_factor": 0.02, "input_mass": 0.5}
 SENSORS = (0.01, 0.02)

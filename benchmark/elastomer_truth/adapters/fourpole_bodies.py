@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+
+#: Spread of the mass of a specimen by the start of its form in a statement.
+SPREADS = {"two equal masses": 0.5, "spread evenly": 1.0}
 
 
 def number(text: str | None) -> float:
@@ -17,21 +22,32 @@ def _chain(stiffness: complex, inertia: float, spread: float) -> complex:
     return complex((n + 1) * np.sin(angle) / np.sin((n + 1) * angle))
 
 
+def _stated(specimen: dict[str, Any]) -> dict[str, str]:
+    """A specimen as stated, as a row of specimens.csv; that of a bench has none."""
+    if "mass" not in specimen:
+        return {"form": "massless"}
+    mass, spread = specimen["mass"], [spread for form, spread in SPREADS.items() if specimen["form"].startswith(form)]
+    row = {"form": "rod" if spread else "belt", "belt mass [kg]": str(mass["value"]),
+           "u(belt mass) [kg]": str(mass["u"]), "share of springs [1]": "0.2",
+           "u(share of springs) [1]": "0.14"}  # fmt: skip
+    return row | {"spread of the mass [1]": str(*spread), "u(spread of the mass) [1]": "0"} if spread else row
+
+
 def transfer(
-    stiffness: complex, line: dict[str, str], bodies: list[dict[str, str]], frequency: float, *, weighed: bool
+    stiffness: complex, line: dict[str, str], bodies: list[dict[str, str]], frequency: float, specimen: dict[str, Any]
 ) -> tuple[complex, float]:
     """k21 over K* of the springs for a mass between two springs, or spread from end to end, and its uncertainty.
 
-    `weighed` says that the statement has a mass of the specimen.
+    `specimen` is what is stated of it, which counts where a bench has no specimens.csv.
     """
     own = [
         body
         for body in bodies
         if body["tyre"] == line["tyre"] and abs(number(body["preload [N]"]) - number(line["preload [N]"])) < 1
-    ]
-    if line["K* of"] == "driving point" or (weighed and line["K* of"] == "springs" and not own):
-        return complex("nan"), 0.0  # Fourpole has no k21 of it
-    if line["K* of"] != "springs" or not own or own[0]["form"] == "massless":
+    ] or [_stated(specimen)]
+    if line["K* of"] == "driving point":
+        return complex("nan"), 0.0  # its mass is not known
+    if line["K* of"] != "springs" or own[0]["form"] == "massless":
         return 1.0 + 0j, 0.0
     mass, u = number(own[0]["belt mass [kg]"]), number(own[0]["u(belt mass) [kg]"])
     omega2 = (2 * np.pi * frequency) ** 2
@@ -46,3 +62,8 @@ def transfer(
     relative = np.nan_to_num(number(own[0]["u(share of springs) [1]"]) / share * abs((1 - share) / (1 + share)))
     moved = abs(factor) ** 2 * omega2 * mass / abs(both)
     return complex(factor), float(moved * np.hypot(u / max(mass, 1e-12), relative))
+
+
+def combined(of_springs: float, of_mass: float, *, together: bool) -> float:
+    """Uncertainty of k21 by that of K* and of k21 over K*; on a bench one mass moves both the same way."""
+    return of_springs + of_mass if together else float(np.hypot(of_springs, of_mass))

@@ -2,39 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from typing import Any
 
 from elastomer_truth.adapters.fourpole_said import said
+from elastomer_truth.adapters.fourpole_words import cause_of
 
-#: Starts of the source of a cause in study.json, with the cause; the channel is the word after it.
-_OF_CHANNEL = {
-    "gain drift": "gain drift",
-    "gain step": "gain drift",
-    "gain with one mass": "gain",
-    "mounting gain": "gain",
-    "mounting phase": "phase",
-    "gain": "gain",
-    "phase": "phase",
-    "delay": "delay",
-    "low-cut": "low-cut",
-    "fixture": "fixture",
-    "slope": "slope",
-}
-#: Names of other causes.
-_OTHERS = {
-    "tyre mass": ("moving mass", "rig"),
-    "moving mass": ("moving mass", "rig"),
-    "preload spring": ("preload spring", "rig"),
-    "preload stiffness": ("preload spring", "rig"),
-    "preload damping": ("preload damping", "rig"),
-    "frame": ("frame", "rig"),
-    "leaf friction": ("friction", "rig"),
-    "input mass": ("input mass", "rig"),
-    "added mass": ("added mass", "added mass"),
-    "drift of": ("drift", "specimen"),
-    "step of": ("drift", "specimen"),
-    "scatter": ("scatter", "specimen"),
-}
 #: Checks of recordings that name a fault of a channel, when most of the tests have them.
 _CHECKS = {
     "clipping": "clipping",
@@ -49,16 +23,29 @@ _CHECKS = {
 _ONE_TEST = (
     "agreement", "K* curve", "K* curve of another condition", "labels", "copy", "stated frequency", "steady channel",
 )  # fmt: skip
+#: K1 over K' beyond which a unit is in doubt.
+_UNIT = 3.0
+#: Scatter of K* that no specimen of rubber need have [1].
+_SCATTERS = 5e-3
 _STATIC = {"K1 against K'": ("static gain", "load"), "K1 above K'": ("static gain", "load")}
 
 
-def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str, Any]]:
-    """At most three causes, best first: of the misfit of the rig, of recordings, of single tests, of K1."""
+def causes(
+    study: dict[str, Any], checks: list[dict[str, str]], specimens: Iterable[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """At most three causes, best first: of the misfit of the rig, of specimens, recordings, single tests and K1.
+
+    `specimens` are as stated: a scatter or drift that is stated is none.
+    """
     found: list[tuple[str, str]] = []
+    scatter = max(one.get("scatter_of_tests_relative", 0.0) for one in specimens)
     for rig in (study.get("joint") or {}).values():
-        if rig.get("fits", True):
-            continue
-        found += [cause for each in rig.get("candidates", []) if (cause := _cause(each))]
+        named = [] if rig.get("fits", True) else rig.get("candidates", [])
+        found += [cause for each in named if (cause := cause_of(each))]
+        if {"drift", "step"} & {*rig["note_codes"]}:
+            found.append(("drift", "specimen"))
+        if rig["scatter"] > max(2 * scatter, _SCATTERS):
+            found.append(("scatter", "specimen"))
     bad = [check for check in checks if check["verdict"] != "ok"]
     tests = {check["test"] for check in checks}
     for code, cause in _CHECKS.items():
@@ -72,25 +59,8 @@ def causes(study: dict[str, Any], checks: list[dict[str, str]]) -> list[dict[str
         if check["code"] in _ONE_TEST and sum(c["code"] == check["code"] for c in bad) <= 3:
             found.append(("one test", check["test"]))
         if check["code"] in _STATIC:
-            found.append(_STATIC[check["code"]])
+            times = json.loads(check["values"] or "{}").get("times", 1.0)
+            found += [("unit", "F1")] * (times > _UNIT) + [_STATIC[check["code"]]]
     ranked = list(dict.fromkeys(found))[:3]
     rows = [{"rank": at, "cause": cause, "channel or part": part} for at, (cause, part) in enumerate(ranked, 1)]
     return rows + said(study, bad)
-
-
-def _cause(candidate: dict[str, Any]) -> tuple[str, str] | None:
-    """A candidate of study.json as cause and channel or part; None for one that the benchmark has no word for."""
-    text, part, name = candidate["text"], str(candidate["part"]), candidate["name"]
-    if "sign inverted" in text:
-        return "sign", part.rsplit(maxsplit=1)[-1]
-    if " read as " in text or "unit of V2" in text:
-        return "unit", "F1" if "F1" in part else part.rsplit(maxsplit=1)[-1]
-    if part.startswith("cross-talk"):
-        return "cross-talk", part.rsplit(maxsplit=1)[-1]
-    for start, cause in _OF_CHANNEL.items():
-        if part.startswith(f"{start} ") and part.rsplit(maxsplit=1)[-1] in ("F1", "V1", "V2"):
-            return cause, part.rsplit(maxsplit=1)[-1]
-    for start, other in _OTHERS.items():
-        if name.startswith(start) or part.startswith(start):
-            return other
-    return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 
+from elastomer_truth.adapters.fourpole_bodies import SPREADS
 from elastomer_truth.statement import Campaign
 
 _ROLES = {"F1": "force_in", "V1": "motion_in", "V2": "motion_out", "load": "load", "deflection": "deflection"}
@@ -12,7 +13,6 @@ _RIG = {
     "moving mass": "moving_mass", "preload spring": "preload_stiffness", "preload damping": "preload_damping",
     "input mass": "input_mass", "frame stiffness": "frame_stiffness",
 }  # fmt: skip
-_SPREADS = {"two equal masses": 0.5, "spread evenly": 1.0}
 _KINDS = {"static": "static", "sine": "dynamic", "random": "random", "sweep": "sweep", "multisine": "random"}
 
 
@@ -48,7 +48,7 @@ def campaign_toml(campaign: Campaign) -> str:
             mass = specimen["mass"]
             lines.append(f'belt_mass = {{ value = {mass["value"]}, unit = "kg", std = {mass["u"]} }}')
             lines += [
-                f"mass_spread = {spread}" for form, spread in _SPREADS.items() if specimen["form"].startswith(form)
+                f"mass_spread = {spread}" for form, spread in SPREADS.items() if specimen["form"].startswith(form)
             ]
     return "\n".join(lines) + "\n"
 

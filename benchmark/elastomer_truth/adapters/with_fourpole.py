@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from elastomer_truth.adapters import Answer
-from elastomer_truth.adapters.fourpole_bodies import number, transfer
+from elastomer_truth.adapters.fourpole_bodies import combined, number, transfer
 from elastomer_truth.adapters.fourpole_causes import causes
 from elastomer_truth.adapters.fourpole_lines import lines_around, weights_of
 from elastomer_truth.adapters.fourpole_statement import campaign_toml, tests_csv
@@ -50,7 +50,8 @@ def answer(folder: Path, route: str) -> Answer:
     for test, lines in by_test.items():
         for frequency in campaign.frequencies(test):
             rows += _line(campaign, lines, bodies, test, frequency)
-    return rows, causes(json.loads((results / "study.json").read_text(encoding="utf-8")), _read(results / "checks.csv"))
+    study = json.loads((results / "study.json").read_text(encoding="utf-8"))
+    return rows, causes(study, _read(results / "checks.csv"), campaign.stated["specimens"].values())
 
 
 def _read(path: Path) -> Table:
@@ -70,8 +71,8 @@ def _static(row: dict[str, str]) -> dict[str, Any]:
 
 def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency: float) -> list[dict[str, Any]]:
     """The rows of one frequency, by interpolation between the lines around it; the worst verdict counts."""
-    used = [line for line in lines if line["frequency [Hz]"]]
-    used.sort(key=lambda line: abs(float(line["frequency [Hz]"]) - frequency))
+    used = sorted((line for line in lines if line["frequency [Hz]"]),
+                  key=lambda line: abs(float(line["frequency [Hz]"]) - frequency))  # fmt: skip
     if not used:
         return []
     near = lines_around(used, frequency)
@@ -85,15 +86,15 @@ def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency:
         power = -2 if name == "TR" and len(near) > 1 else 1
         size = sum(w * number(line[head]) ** power for w, line in zip(weights, near, strict=True))
         size = abs(size) ** (1 / power) if power < 0 else size
-        std = max(number(line[u]) for line in near) if power == 1 else size * number(near[0][u]) / number(near[0][head])
+        stds = [number(line[u]) if power == 1 else size * number(line[u]) / number(line[head]) for line in near]
         if not (name == "TR" and campaign.blocked):
-            found.append(_row(test, frequency, name, size, abs(std), worst))
+            found.append(_row(test, frequency, name, size, max(map(abs, stds)), worst))
     whole = complex(found[0]["value"], found[1]["value"])
-    weighed = "mass" in campaign.stated["specimens"][near[0]["tyre"]]
-    factor, u_factor = transfer(whole, near[0], bodies, frequency, weighed=weighed)
+    factor, u_factor = transfer(whole, near[0], bodies, frequency, campaign.stated["specimens"][near[0]["tyre"]])
     k21 = whole * factor
     for name, value, own, other in (("k21'", k21.real, 0, 1), ("k21''", k21.imag, 1, 0)):
-        parts = factor.real * found[own]["u"], factor.imag * found[other]["u"], abs(whole) * u_factor
-        found.append(_row(test, frequency, name, value, math.hypot(*parts), found[0]["verdict"]))
+        parts = factor.real * found[own]["u"], factor.imag * found[other]["u"]
+        u = combined(math.hypot(*parts), abs(whole) * u_factor, together=campaign.blocked)
+        found.append(_row(test, frequency, name, value, u, found[0]["verdict"]))
     # K* with the inertia of the specimen in it is said to be no K* of springs.
     return found if near[0]["K* of"] == "springs" else [row for row in found if row["quantity"] not in ("K'", "K''")]

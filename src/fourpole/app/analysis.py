@@ -31,8 +31,7 @@ from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.findings.list import checks_by_point, kind_of
-from fourpole.fitting.effort import seconds_of_fits
-from fourpole.fitting.rows import keys_of
+from fourpole.fitting.rows import keys_of, seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
@@ -143,7 +142,7 @@ def run_demo(folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: in
     from fourpole.report.words.sentence import headline
     from fourpole.study import DRAWS
     from fourpole.virtual import simulate_campaign
-    from fourpole.virtual.demo import demo_settings
+    from fourpole.virtual.simulate import demo_settings
 
     with progress("recording") as advance:
         simulate_campaign(folder, seed=seed, progress=advance, **demo_settings())

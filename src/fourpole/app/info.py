@@ -32,8 +32,7 @@ from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, SignalInfo
 from fourpole.io.tables.kstar import ALL, KStarTable, TableOptions, read_k_star
-from fourpole.io.tables.overtime import TimeTable, read_over_time
-from fourpole.io.tables.pair import CurveTable, read_curve
+from fourpole.io.tables.pair import CurveTable, TimeTable, read_curve, read_over_time
 
 #: Number of channels whose samples are read if no channel and no group is named.
 _MOST = 64

@@ -21,16 +21,16 @@ from fourpole.app.model_words import put_back_shown, show_fit, show_map, show_ro
 from fourpole.app.options import DataOptions, FitOptions, Purpose, RigOptions, Selection, answered_in
 from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
-from fourpole.fitting.hint import channel_hint
+from fourpole.fitting.mapping import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
 from fourpole.fitting.overtime import fit_over_time
 from fourpole.fitting.query import INTERVAL, Query, ask
-from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
+from fourpole.fitting.verified import renewed
 from fourpole.io.folders import model_in, results_in
 from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import BELT, automatic, by_amplitude, model_named, sizes_of

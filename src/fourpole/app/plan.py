@@ -19,7 +19,7 @@ from fourpole.core.plan import MASSES, Advice, Outcome, advise
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError, UnitError
 from fourpole.io.folders import make_folder
-from fourpole.io.staging import staged
+from fourpole.io.lock import staged
 from fourpole.io.write import write_table
 from fourpole.planning.expected import Guess
 from fourpole.planning.plan import CampaignPlan, Run, bare_plan, plan_campaign, plan_table

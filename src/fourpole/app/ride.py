@@ -27,7 +27,7 @@ from fourpole.fitting.inertia import belt_stated
 from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
-from fourpole.io.staging import staged
+from fourpole.io.lock import staged
 from fourpole.io.tables.pair import read_curve, read_profile
 from fourpole.io.write import write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits

@@ -21,9 +21,9 @@ from fourpole.app.standing import STATEMENT, results_of
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import Asked, Verdict
 from fourpole.core.digits import number
+from fourpole.core.polar import value_of
 from fourpole.errors import CampaignError
 from fourpole.findings.list import checks_by_point
-from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import keys_of
 from fourpole.guess import guess_campaign, keep_existing
 from fourpole.guess.masses import shows_force

@@ -53,13 +53,12 @@ from fourpole.fitting.shifting import (
 )
 from fourpole.fitting.temperature import miss_in_words
 from fourpole.io.door import sha256_of
+from fourpole.io.lock import staged
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.staging import staged
 from fourpole.io.tables.kstar import KStarTable, read_k_star
 from fourpole.io.tables.pair import read_curve
 from fourpole.io.write import write_text
-from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, Overlap
-from fourpole.models.shift_law import CONSTANTS, ShiftLaw
+from fourpole.models.shift_law import CONSTANTS, LEVEL, LOSS, ONE_CURVE, Overlap, ShiftLaw
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.study.static import branch_check

@@ -20,13 +20,13 @@ from fourpole.core.digits import number
 from fourpole.core.specimen import Form
 from fourpole.core.specimenfit import UNLIKELY
 from fourpole.errors import FileError, FourpoleError
-from fourpole.export.twoports import write_two_ports
-from fourpole.fitting.inertia import inertias_in
+from fourpole.export.uff import write_two_ports
+from fourpole.fitting.inertia import bodies_of
+from fourpole.fitting.rows import FoundBody
 from fourpole.io.folders import make_folder
+from fourpole.io.lock import staged
 from fourpole.io.published import published
-from fourpole.io.staging import staged
 from fourpole.report.digits import PLUS_MINUS, with_u
-from fourpole.study.inertia import FoundBody
 from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 
 #: Poles of the printed table, with their places.
@@ -67,7 +67,7 @@ def _shown(found: Sequence[TwoPort], held: Sequence[str]) -> Iterator[Part]:
 def _masses_of(results: Path) -> list[FoundBody]:
     """The masses that an analysis found by the joint route; none without one."""
     with suppress(FourpoleError):
-        return [FoundBody(row) for row in inertias_in(published(results)).rows]
+        return bodies_of(published(results))
     return []
 
 

@@ -19,7 +19,7 @@ from fourpole.io.folders import model_in, results_in
 from fourpole.io.origin import origin
 from fourpole.io.published import write_result
 from fourpole.io.write import beside, write_text
-from fourpole.report.selftest.run import (
+from fourpole.report.selftest import (
     Compared,
     SelfTest,
     render_selftest,
@@ -28,8 +28,17 @@ from fourpole.report.selftest.run import (
     shown_share,
     verdict_of,
 )
-from fourpole.report.standards import PAGES, standard_named
-from fourpole.report.standards.measures import NOTE, Found, Requirement, Standard, answered, counts, render_standard
+from fourpole.report.standards import (
+    NOTE,
+    PAGES,
+    Found,
+    Requirement,
+    Standard,
+    answered,
+    counts,
+    render_standard,
+    standard_named,
+)
 from fourpole.study.repeated import Difference
 from fourpole.study.study import Study
 from fourpole.study.verified import Match, Proof, Repeated, VerifiedResults, folder_of, verify_results

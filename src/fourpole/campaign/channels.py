@@ -274,6 +274,11 @@ class ChannelFile(File):
             raise ValueError(f"unit '{unit}' and sensitivity '{self.sensitivity}' contradict each other")
         return kind, scale / volts, unit
 
+    @property
+    def accelerates(self) -> bool:
+        """Whether campaign.toml says by a unit that the sensor is one of acceleration."""
+        return not self.has_no_unit and self._recorded(("force", *units.MOTIONS))[0] == "acceleration"
+
     @staticmethod
     def _in_recorded(value: float | str, unit: str) -> float:
         """Value in the recorded unit of a number, which has this unit already, or of a text with a unit."""

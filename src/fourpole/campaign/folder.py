@@ -13,8 +13,7 @@ import numpy as np
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
-from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties, doubtful_values
-from fourpole.campaign.limits import Limits, read_limits
+from fourpole.campaign.limits import Limits, doubtful_columns, doubtful_uncertainties, doubtful_values, read_limits
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.report import logo_of
 from fourpole.campaign.row import DOUBTS, OF_BAND, PASSED, Column, Test, columns_of, condition_of, test_of_row

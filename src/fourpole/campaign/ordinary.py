@@ -1,4 +1,7 @@
-"""Ordinary errors of a channel, as delay, low-cut, slope and mounting: as stated, or by the table of components."""
+"""Ordinary errors of a channel, as delay, low-cut, slope and mounting: as stated, or by the table of components.
+
+`Stated` is a value with its standard uncertainty, as a text or a table states it.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, StrictBool
 
+from fourpole import units
 from fourpole.campaign import defaults
-from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File, Ratio, si
+from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File, Ratio, known_keys, si
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.phasor import CHANNELS
@@ -117,7 +121,8 @@ class Ordinary:
             return defaults.LOW_CUT_STD * channel.low_cut
         if channel.geophone is not None:
             return 0.0
-        std = defaults.IEPE_STD if channel.coupling == "iepe" else component(Kind.LOW_CUT).std
+        supplied = channel.coupling == "iepe" or (channel.coupling is None and channel.accelerates)
+        std = defaults.IEPE_STD if supplied else component(Kind.LOW_CUT).std
         return self._taken(channel, std) if channel.coupling is None else std
 
     def slope(self, channel: ChannelFile, top: float) -> float:
@@ -204,7 +209,8 @@ class Ordinary:
         return {
             ("std_delay",): f"no std_delay stated, taken as {taken}",
             ("coupling", "low_cut", "std_low_cut", "high_pass", "geophone"):
-                f'no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz (coupling = "dc": none)',
+                f"no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz, of an acceleration ± "
+                f'{defaults.IEPE_STD:g} Hz (coupling = "dc": none)',
             ("std_slope", "resonance"):
                 f"no std_slope stated, taken as {100 * slope:g} % at the highest frequency (or state its resonance)",
             ("mounted", "std_mounting"): f"no mounted stated, taken as {mounted}",
@@ -213,3 +219,45 @@ class Ordinary:
             ("linearity",):
                 f"no linearity stated, taken as {100 * component(Kind.K1_LINEARITY).std:g} % of the range, in K1",
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A value and its standard uncertainty in SI; `assumed` if campaign.toml does not state the uncertainty."""
+
+    value: float
+    std: float
+    assumed: bool
+
+
+def stated_value(raw: Any, kind: str) -> Stated:
+    """A rig value from a text such as "15 kg", or from a table of value, unit, std and exact."""
+    if isinstance(raw, str):
+        raw = {"value": raw}
+    if not isinstance(raw, dict):
+        raise ValueError(
+            f'write it with its unit, as "15 kg" or {{ value = 15.0, unit = "kg", std = 0.1 }}, not {raw!r}'
+        )
+    known_keys(raw, ("value", "unit", "std", "exact"))
+    if "value" not in raw:
+        raise ValueError('has no value: write { value = 15.0, unit = "kg", std = 0.1 }')
+    unit = raw.get("unit", "1" if kind == "ratio" else None)
+    if unit is not None and not isinstance(unit, str):
+        raise ValueError(f"unit must be a text, not {unit!r}")
+    exact = raw.get("exact", False)
+    if not isinstance(exact, bool):
+        raise ValueError(f"exact must be true or false, not {exact!r}")
+    value = units.quantity(raw["value"], kind, default_unit=unit)
+    if exact and "std" in raw:
+        raise ValueError("exact = true and std contradict each other: keep one of them")
+    if exact:
+        return Stated(value, 0.0, assumed=False)
+    if "std" not in raw:
+        return Stated(value, defaults.RIG_STD * abs(value), assumed=value != 0)
+    if isinstance(raw["std"], str) and raw["std"].strip().endswith("%"):
+        std = abs(value) * units.quantity(raw["std"], "ratio")
+    else:
+        std = units.quantity(raw["std"], kind, default_unit=unit)
+    if std < 0:
+        raise ValueError("std is negative: state a standard uncertainty, zero or positive")
+    return Stated(value, std, assumed=False)

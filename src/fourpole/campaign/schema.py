@@ -32,9 +32,8 @@ from fourpole.campaign.channels import (
     did_you_mean,
     known_keys,
 )
-from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
+from fourpole.campaign.ordinary import LoggerFile, Ordinary, Stated, UnstatedFile, stated_value
 from fourpole.campaign.report import Equipment, ReportFile
-from fourpole.campaign.stated import Stated, stated_value
 from fourpole.core.checks import Asked
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of

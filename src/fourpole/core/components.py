@@ -89,7 +89,6 @@ class Component:
 
 
 _DEGREE = pi / 180.0
-_INF = float("inf")
 
 #: All components. A slope is in 1/Hz² in the likelihood; here it is that at the highest frequency of the tests.
 COMPONENTS = (

@@ -17,8 +17,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
-from fourpole.core.branches import levels, means, ranks, rests
-from fourpole.core.memory import whitened
+from fourpole.core.branches import levels, means, ranks, rests, whitened
 from fourpole.errors import LoadCurveError
 
 _HIGHEST_ORDER = 9

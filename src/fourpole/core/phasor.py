@@ -12,7 +12,7 @@ from fourpole import quantities as q
 from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE
-from fourpole.core.notebook import notebook_html
+from fourpole.core.digits import notebook_html
 
 #: The three channels of a dynamic test, in the order of every amplitude and covariance.
 CHANNELS = ("force_in", "motion_in", "motion_out")

@@ -245,33 +245,11 @@ def force_bend(found: tuple[float, float, bool]) -> float:
     return _BENT * own if unmoved and np.isfinite(own) else 0.0
 
 
-def linearity_checks(harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float) -> list[Check]:
-    r"""Checks of the linearity of the specimen and of the rig; none where the channels do not show it.
+def judged_excess(found: tuple[float, float, bool], of_force: float = 0.0) -> list[Check]:
+    r"""Checks of the linearity of the specimen, or of the channel of F1, and of the rig, by what `excess` found.
 
     A linear specimen answers harmonic n of its deflection d with :math:`K^*(n\omega)\,d_n`, and a linear rig answers
     harmonic n of V2 with :math:`Z_r(n\omega)\,V_{2,n}`. The force that remains is the specimen's own, or the rig's.
-
-    Parameters
-    ----------
-    harmonics : Harmonics
-        Harmonics of the recording.
-    frequency : float [Hz]
-        Frequency of the fundamental.
-    rig : Rig or None
-        The rig as stated.
-    added_mass : float [kg]
-        Mass fixed to the moving mass in addition.
-
-    Returns
-    -------
-    list of Check
-        Linearity of the specimen or of the channel of F1, and linearity of the rig.
-    """
-    return judged_excess(excess(harmonics, 2 * np.pi * frequency, rig, added_mass))
-
-
-def judged_excess(found: tuple[float, float, bool], of_force: float = 0.0) -> list[Check]:
-    """The checks of `linearity_checks` by what `excess` found.
 
     `of_force` is the linearity of F1 as stated [1], over its range, which is twice the amplitude.
     """

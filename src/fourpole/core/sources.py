@@ -11,7 +11,12 @@ from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
 
 #: Parts of a rig that its statement may lack, with the SI unit of their size.
-PARTS = {"mass": "kg", "spring": "N/m", "frame": "m/N", "loss": "1", "friction": "N", "input": "kg"}
+PARTS = {
+    "mass": "kg", "spring": "N/m", "frame": "m/N", "frame resonance": "Hz", "frame damping": "1", "loss": "1",
+    "friction": "N", "presliding": "1", "input": "kg",
+}  # fmt: skip
+#: Parts that say how another one acts, and have no size of their own.
+SHAPES = ("frame resonance", "frame damping", "presliding")
 #: Pairs of channels (over, under); K* depends on the ratio of their gains and the difference of their phases.
 RATIOS = (("F1", "V1"), ("V2", "V1"))
 
@@ -141,6 +146,11 @@ class Source:
     def role(self) -> Role:
         """The object to which the error belongs."""
         return Role.RATIO if self.under else self.kind.role
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it says how an unstated part acts, and not how large it is."""
+        return self.kind is Kind.UNSTATED and self.of in SHAPES
 
     @property
     def of_channel(self) -> bool:

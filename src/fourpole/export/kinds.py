@@ -40,7 +40,7 @@ class ExportKind:
     module : str
         Name of a module of `fourpole.export`; its `write(source, path)` writes the file and returns notes on what is
         left out. The source is an `ExportTables` of results, or a `ModelFile` of a model or map. With a
-        dot, the name of another function of the module: fe.write_springs.
+        dot, the name of another function of the module: materials.write_springs.
     about : str
         Description of the file for the help.
     takes : Takes
@@ -100,15 +100,15 @@ KINDS = {
     "tydex": ExportKind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
     "uff": ExportKind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
     "netcdf": ExportKind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
-    "abaqus": _material("prony.inp", "fe.write_abaqus", "of a model: Abaqus *VISCOELASTIC, TIME=PRONY"),
-    "ansys": _material("prony.mac", "fe.write_ansys", "of a model: ANSYS TB,PRONY"),
-    "lsdyna": _material("prony.k", "fe.write_lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
-    "lsdyna-springs": _material("springs.k", "fe.write_springs", "of a model: LS-DYNA discrete springs"),
-    "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
+    "abaqus": _material("prony.inp", "materials.write_abaqus", "of a model: Abaqus *VISCOELASTIC, TIME=PRONY"),
+    "ansys": _material("prony.mac", "materials.write_ansys", "of a model: ANSYS TB,PRONY"),
+    "lsdyna": _material("prony.k", "materials.write_lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
+    "lsdyna-springs": _material("springs.k", "materials.write_springs", "of a model: LS-DYNA discrete springs"),
+    "prony": _material("prony.csv", "materials.write_prony", "of a model: CSV of stiffnesses, moduli and intervals"),
     "fmu": _system("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source"),
     "fmu3": _system("specimen-fmi3.fmu", "fmi.write_fmi3", "of a model or a map: the same of FMI 3.0"),
     "statespace": _system("statespace.json", "systems", "of a model or a map: matrices A, B, C, D as JSON"),
-    "modelica": _system("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source"),
+    "modelica": _system("FourpoleModels.mo", "systems.write_modelica", "of a model or a map: Modelica source"),
     "tir": _system("specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "frequency", "radius"),
     "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }

@@ -25,8 +25,7 @@ from fourpole.fitting.placed import conditions_of, placed_at, specimens
 from fourpole.fitting.query import maps_of
 from fourpole.fitting.rows import tyre_columns
 from fourpole.io.write import write_table
-from fourpole.models.answer import Answer
-from fourpole.models.operating import OperatingMap
+from fourpole.models.operating import Answer, OperatingMap
 from fourpole.quantities import ShownUnits
 
 #: Error of linear interpolation, relative to |K*|, that the grid goes for, and its largest number of rows per map.

@@ -1,4 +1,11 @@
-"""Prony series of a model file as materials for FE programs: arms, moduli, names and header lines."""
+"""Prony series of a model file as materials of FE programs, by a template each, and as a table.
+
+Abaqus and ANSYS take normalised moduli, of the instantaneous moduli, which the elastic cards state as well: from the
+moduli at rest Abaqus would divide by 1 - sum g_i, which loses the digits of a long spectrum. LS-DYNA takes the modulus
+or the stiffness of each arm itself, in fields of 20 columns, which the plus sign behind a keyword says: fields of 10
+columns hold six digits. Its term with beta = 0 is the modulus at rest. The table has stiffness, its uncertainty and
+interval, and moduli of each arm.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +13,19 @@ import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.errors import ModelError
-from fourpole.export.source import ascii_line
+from fourpole.export.source import accuracy_columns, ascii_line, filled
 from fourpole.fitting.accuracy import accuracy_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
+from fourpole.io.write import write_table, write_text
 from fourpole.models.interface import Arms
 from fourpole.models.shape import Shape
 
@@ -208,3 +218,100 @@ def _name(entry: ModelEntry, at: int, taken: Sequence[str]) -> str:
     plain = (plain if plain[0].isalpha() else f"M_{plain}").upper()
     base = plain if len(entry.conditions) == 1 else f"{plain}_{at + 1}"
     return next(name for name in (base, *(f"{base}_{one}" for one in range(2, 10_000))) if name not in taken)
+
+
+#: Largest number of pairs of ANSYS TB,PRONY since release 10.
+_MOST_PAIRS = 100
+#: Largest number of terms of *MAT_GENERAL_VISCOELASTIC (076); one of them is the modulus at rest.
+_MOST_TERMS = 18
+#: Columns of a field of LS-DYNA, and significant digits of a number, which leave a blank in front of it.
+_WIDTH, _DIGITS = 20, 14
+
+
+def write_abaqus(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write a material with `*VISCOELASTIC, TIME=PRONY` per condition; returns notes on what is left out."""
+    materials, notes = materials_of(source, shape)
+    _write("abaqus.inp", path, materials)
+    return (*notes, *no_moduli(materials))
+
+
+def write_ansys(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write a material with `TB,PRONY` per condition, numbered from 1; returns notes on what is left out."""
+    materials, notes = materials_of(source, shape)
+    check_terms(materials, _MOST_PAIRS, "TB,PRONY")
+    _write("ansys.mac", path, materials)
+    return (*notes, *no_moduli(materials))
+
+
+def write_lsdyna(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write a `*MAT_GENERAL_VISCOELASTIC` per condition, numbered from 1; returns notes on what is left out.
+
+    Raises
+    ------
+    ModelError
+        If the shape of the specimen is not stated, or there are more than 17 arms.
+    """
+    materials, notes = materials_of(source, shape)
+    if lacking := no_moduli(materials):
+        raise ModelError(f"{lacking[0]}; --to lsdyna-springs needs no shape")
+    check_terms(materials, _MOST_TERMS - 1, "*MAT_GENERAL_VISCOELASTIC, beside the modulus at rest,")
+    _write("lsdyna.k", path, materials)
+    return (*notes, "the density is not known to Fourpole: set RO of each *MAT_GENERAL_VISCOELASTIC")
+
+
+def write_springs(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write springs and dampers of the stiffness itself as discrete elements, to be set parallel; returns notes."""
+    materials, notes = materials_of(source, shape)
+    _write("springs.k", path, materials)
+    return notes
+
+
+def _write(template: str, path: Path, materials: Sequence[Material]) -> None:
+    write_text(path, filled(template, materials=materials, numbers=numbers, card=_card))
+
+
+def _card(*values: float) -> str:
+    """A line of right-aligned fields; a whole number of the type int is written as such."""
+    texts = (str(value) if isinstance(value, int) else numbers(value, digits=_DIGITS) for value in values)
+    return "".join(text.rjust(_WIDTH) for text in texts)
+
+
+#: Columns of a `Term`.
+_HEADS = ("tau [s]", "beta [1/s]", "K [N/m]", "g [1]", "E [Pa]", "G [Pa]", "bulk modulus [Pa]")
+
+
+def write_prony(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
+    """Write a row for K_inf and for each arm of each condition, arms at zero included; returns notes."""
+    _, notes = materials_of(source, shape)
+    rows = [row for entry in source.models for one in entry.conditions for row in _rows(entry, one, shape)]
+    write_table(path, pl.DataFrame(rows, infer_schema_length=None))
+    return notes
+
+
+def _rows(entry: ModelEntry, one: ConditionFile, shape: Shape | None) -> list[dict[str, Any]]:
+    """The rows of one condition; none if its model is no Prony series."""
+    model = model_of(entry)
+    try:
+        terms = terms_of(model.prony(one.values), shape := shape or entry.shape)
+    except ModelError:
+        return []
+    state = {each.column: each.value for each in one.state}
+    heads = _HEADS[: 4 if shape is None else 7 if shape.relaxing_bulk else 6]
+    accuracy = accuracy_columns(accuracy_of(entry, one))
+    return [
+        {"specimen": entry.tyre, **state, "arm": at, **_uncertain(one, model.symbols, at)}
+        | dict(zip(heads, term, strict=False))
+        | accuracy
+        for at, term in enumerate(terms)
+    ]
+
+
+def _uncertain(one: ConditionFile, symbols: list[str], at: int) -> dict[str, float | None]:
+    """Standard uncertainty and 95 % interval [N/m] of K_inf or of an arm; blank if the model has another parameter."""
+    symbol = f"K_{at}" if at else "K_inf"
+    if symbol not in symbols:
+        return {"u(K) [N/m]": None, "95 % from [N/m]": None, "95 % to [N/m]": None}
+    place = symbols.index(symbol)
+    low, high = one.intervals[place]
+    std = float(np.sqrt(max(one.covariance[place][place], 0.0)))
+    return {"u(K) [N/m]": std, "95 % from [N/m]": low, "95 % to [N/m]": high}

@@ -1,4 +1,9 @@
-"""The models of a file as linear systems, each with a name of its own, and their matrices as JSON."""
+"""The models of a file as linear systems, each with a name of its own: their matrices as JSON, and Modelica source.
+
+The source is a package with a block for each model, from deflection and its rate to force, by a template. A block is a
+spring and a damper parallel to branches and to pairs of branches; see `Realised`. The blocks use the language alone,
+not the Modelica Standard Library. Their connectors fit its inputs and outputs.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +18,11 @@ import numpy as np
 from fourpole.core.arrays import ByValue
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.export.source import MODEL_FILE, identifiers
+from fourpole.export.source import MODEL_FILE, filled, identifiers
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.write import write_text
-from fourpole.models.belted import both_ends
-from fourpole.models.realised import Realised, realised
+from fourpole.models.realised import Realised, both_ends, realised
 
 #: A system with a smaller relative error of K* is that of the model but for round-off.
 _ROUND_OFF = 1e-9
@@ -184,3 +188,34 @@ def _fields(system: System, *, ends: bool) -> dict[str, Any]:
         "state": system.placed.state,
         **matrices,
     }
+
+
+#: Keywords of Modelica, names of its functions that the blocks use, and names of the package.
+# fmt: off
+_MODELICA_WORDS = frozenset((
+    "algorithm", "and", "annotation", "assert", "block", "break", "class", "connect", "connector", "constant",
+    "constrainedby", "der", "discrete", "each", "else", "elseif", "elsewhen", "encapsulated", "end", "enumeration",
+    "equation", "expandable", "extends", "external", "false", "final", "flow", "for", "function", "if", "import",
+    "impure", "in", "initial", "inner", "input", "loop", "model", "not", "operator", "or", "outer", "output", "package",
+    "parameter", "partial", "protected", "public", "pure", "record", "redeclare", "replaceable", "return", "stream",
+    "then", "true", "type", "when", "while", "within", "Real", "Integer", "Boolean", "String", "time", "fill", "zeros",
+    "RealInput", "RealOutput", "Modelica",
+))
+# fmt: on
+
+
+def write_modelica(
+    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, belt: Specimen | None = None
+) -> tuple[str, ...]:
+    """Write the package, whose name is that of the file; returns notes."""
+    systems, notes = systems_of(source, points, specimen, belt=belt, reserved=_MODELICA_WORDS)
+    (package,) = identifiers([path.stem], {*_MODELICA_WORDS, *(one.name for one in systems)})
+    write_text(path, filled("modelica.mo", package=package, systems=systems, string=_string))
+    return notes
+
+
+def _string(text: str) -> str:
+    """A text as a string of Modelica in one line."""
+    plain = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
+    escaped = plain.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

@@ -1,17 +1,22 @@
-"""UFF 58: the mobility V1/F1 and the dynamic stiffness K* of each condition as functions of frequency."""
+"""UFF 58: the mobility V1/F1 and the dynamic stiffness K* of each condition as functions of frequency.
+
+The four poles of specimens are dynamic stiffnesses between two nodes, for substructuring.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
 from collections.abc import Iterator, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fourpole import quantities as q
+from fourpole.core.allpoles import POLES
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
 from fourpole.export.source import ExportTables, SheetRow, ascii_line, need, some
@@ -19,6 +24,8 @@ from fourpole.io.write import beside
 from fourpole.plot.data import counted
 from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity
+from fourpole.study.twoports import TwoPort
+from fourpole.version import VERSION
 
 _LINE = 80
 _RESPONSE_FUNCTION = 4
@@ -178,3 +185,42 @@ def _uncertainty(source: ExportTables, kind: _Kind, rows: Sequence[int]) -> str:
         values = floats(source.dynamic, one.u_head)[rows]
         largest.append(f"{np.nanmax(values):.3g}" if np.isfinite(values).any() else "unknown")
     return f"e^(+jwt); standard uncertainty up to {largest[0]} (Re), {largest[1]} (Im) {kind.parts[0].unit}"
+
+
+def write_two_ports(found: Sequence[TwoPort], title: str, path: Path) -> None:
+    """Write k11, k12, k21 and k22 of each specimen and condition; node 1 is the contact, node 2 the wheel.
+
+    Each is the force on the specimen at its response node over the displacement of its reference node, both in +Z, in
+    N/m, while the other node is held.
+
+    Raises
+    ------
+    FileError
+        If pyuff is not installed, or the file cannot be written.
+    """
+    made = datetime.now(UTC).replace(microsecond=0)
+    write_functions(path, list(chain.from_iterable(map(_four_functions, found))), title, f"fourpole {VERSION}", made)
+
+
+def _four_functions(two_port: TwoPort) -> list[dict[str, Any]]:
+    poles, functions = two_port.poles, []
+    reciprocal = "k12 = k21" if two_port.form is not None else "k12 and k21 differ: not reciprocal"
+    for at, pole in enumerate(POLES):
+        row, column = divmod(at, 2)
+        std = poles.std[:, at].max(axis=0)
+        functions.append(
+            {
+                "id2": ascii_line(two_port.name)[:80],
+                "id3": reciprocal,
+                "id5": f"e^(+jwt); standard uncertainty up to {std[0]:.3g} (Re), {std[1]:.3g} (Im) N/m",
+                **response(
+                    f"Dynamic stiffness {pole}, force on the specimen over displacement",
+                    (row + 1, column + 1),
+                    poles.frequency,
+                    poles.stiffness[:, row, column],
+                    (FORCE, f"Force on node {row + 1}", "N"),
+                    (DISPLACEMENT, f"Motion of node {column + 1}", "m"),
+                ),
+            }
+        )
+    return functions

@@ -17,7 +17,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
-from fourpole.findings.polar import value_of
+from fourpole.core.polar import value_of
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study

@@ -29,10 +29,9 @@ from fourpole.findings.facts import (
 )
 from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Comparison, Level, Trend, compare, cycle_losses, level_of, linearity, trend_of
-from fourpole.fitting.rows import Key, keys_of
+from fourpole.fitting.rows import FoundBody, Key, bodies_in, keys_of
 from fourpole.io.documents import json_of
 from fourpole.quantities import DERIVED, K1, C, Quantity
-from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 from fourpole.words import CASES, template
 
@@ -59,7 +58,7 @@ class Inertia:
 def inertias(results: Study) -> list[Finding]:
     """The mass of each specimen that has one, on each rig; the effect is the mass [kg]."""
     groups: dict[tuple[str, str], list[FoundBody]] = {}
-    for body in bodies_in(results):
+    for body in bodies_in(results.tables):
         groups.setdefault((body.tyre, str(body.row[q.RIG.head] or "")), []).append(body)
     return [_finding(tyre, rig, bodies) for (tyre, rig), bodies in groups.items()]
 

@@ -14,8 +14,8 @@ import scipy
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.polar import value_of
 from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key, known, natural
-from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section

@@ -13,11 +13,10 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, levels_of, unit_of
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.modelfile import ModelFile
-from fourpole.models.answer import Answer
 from fourpole.models.families import by_amplitude
 from fourpole.models.interface import Model
 from fourpole.models.kraus import LEAST_SPREAD, MOST_INFLATION, Separation, separation
-from fourpole.models.operating import OperatingMap, Purpose
+from fourpole.models.operating import Answer, OperatingMap, Purpose
 from fourpole.models.surface import BEND
 from fourpole.units import shown
 

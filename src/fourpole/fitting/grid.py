@@ -14,8 +14,8 @@ from fourpole.core.rig import Rig
 from fourpole.core.specimen import Specimen
 from fourpole.errors import CampaignError, ModelError
 from fourpole.fitting.rows import tyre_columns
-from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import OperatingMap
+from fourpole.models.realised import MASSLESS
 
 if TYPE_CHECKING:
     from xarray import Dataset

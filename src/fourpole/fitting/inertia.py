@@ -1,9 +1,8 @@
-"""The inertia of specimens in a model file: as specimens.csv has it, or as an option states it."""
+"""The inertia of specimens: as specimens.csv has it, in a model file, or as an option states it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -11,11 +10,11 @@ import polars as pl
 from pydantic import Field
 
 from fourpole import quantities as q
-from fourpole.core.condition import AXES, axis_of
+from fourpole.core.condition import AXES
 from fourpole.core.specimen import TYRE, Form, Specimen
 from fourpole.errors import UnitError
 from fourpole.fitting.modelparts import Strict
-from fourpole.fitting.rows import as_frame
+from fourpole.fitting.rows import FoundBody, as_frame
 from fourpole.io.published import Published
 
 #: Table of a results folder with the inertia of each specimen at each condition.
@@ -45,31 +44,21 @@ class InertiaFile(Strict):
         )
 
 
-@dataclass(frozen=True)
-class Inertias:
-    """The rows of specimens.csv that have a mass."""
-
-    rows: Sequence[Mapping[str, float | str | None]] = ()
-
-    def at(self, tyre: str, state: Mapping[str, float]) -> InertiaFile | None:
-        """The inertia of a specimen at a condition; None where none was found."""
-        for row in self.rows:
-            axes = [column for column in state if column in row]
-            if row[q.TYRE.head] == tyre and all(axis_of(at).same(state[at], row[at], blank=True) for at in axes):
-                belt = row[_FORM] == Form.BELT.value
-                shape = {"share": row[_SHARE] if belt else None, "spread": None if belt else row.get(_SPREAD)}
-                return InertiaFile.model_validate({"form": row[_FORM], "mass": row[_MASS], **shape})
-        return None
+def inertia_of(body: FoundBody) -> InertiaFile:
+    """The mass of a specimen as a model file has it."""
+    belt = body.form is Form.BELT
+    shape = {"share": body.row[_SHARE] if belt else None, "spread": None if belt else body.row.get(_SPREAD)}
+    return InertiaFile.model_validate({"form": body.form.value, "mass": body.row[_MASS], **shape})
 
 
-def inertias_in(results: Published) -> Inertias:
-    """The inertia that results have."""
+def bodies_of(results: Published) -> list[FoundBody]:
+    """The same, from the files of results."""
     if not results.has(SPECIMENS):
-        return Inertias()
+        return []
     frame = as_frame(SPECIMENS, results.read(SPECIMENS))
     numbers = [one for one in (_MASS, _SHARE, _SPREAD, *(axis.column for axis in AXES)) if one in frame.columns]
     found = frame.with_columns(pl.col(one).cast(pl.Float64, strict=False) for one in numbers)
-    return Inertias(found.filter(pl.col(_MASS) > 0).to_dicts())
+    return [FoundBody(row) for row in found.filter(pl.col(_MASS) > 0).to_dicts()]
 
 
 def mean_inertia(found: Sequence[InertiaFile | None]) -> InertiaFile | None:

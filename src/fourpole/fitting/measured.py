@@ -22,8 +22,7 @@ from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Samenes
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
-from fourpole.fitting.inertia import InertiaFile, inertias_in
-from fourpole.fitting.labels import by_labels
+from fourpole.fitting.inertia import InertiaFile, bodies_of, inertia_of
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
 from fourpole.fitting.rows import (
     FREQUENCY,
@@ -33,6 +32,7 @@ from fourpole.fitting.rows import (
     STD,
     Key,
     as_frame,
+    by_labels,
     conditions_in,
     covariances,
     in_si,
@@ -48,8 +48,8 @@ from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.models.data import StiffnessData, complex_columns, real_columns
 from fourpole.models.inertial import Of
+from fourpole.models.problem import Recorded, bends
 from fourpole.models.ramp import Loop
-from fourpole.models.recorded import Recorded, bends
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
@@ -271,7 +271,7 @@ def read_measured(
 
 def _with_inertia(found: MeasuredSet, frame: pl.DataFrame, results: Published) -> MeasuredSet:
     """The conditions with the inertia of their specimens, where K* is that of the springs alone."""
-    inertias, kinds = inertias_in(results), dict[str, str]()
+    bodies, kinds = bodies_of(results), dict[str, str]()
     if q.K_OF.head in frame.columns:
         kinds = dict(zip(frame[q.TEST.head], frame[q.K_OF.head].fill_null(Of.SPRINGS.value), strict=True))
 
@@ -279,8 +279,10 @@ def _with_inertia(found: MeasuredSet, frame: pl.DataFrame, results: Published) -
         of = {kinds.get(test, Of.SPRINGS.value) for test in one.tests}
         if of == {Of.BLOCKED_TRANSFER.value}:
             return replace(one, of=Of.BLOCKED_TRANSFER)
-        inertia = inertias.at(one.tyre, one.state) if of == {Of.SPRINGS.value} else None
-        return one if inertia is None else replace(one, of=Of.SPRINGS, inertia=inertia)
+        body = next((body for body in bodies if body.is_at(one.tyre, one.state)), None)
+        return (
+            one if body is None or of != {Of.SPRINGS.value} else replace(one, of=Of.SPRINGS, inertia=inertia_of(body))
+        )
 
     return replace(found, conditions=tuple(map(known, found.conditions)))
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
-from fourpole.core.digits import with_std
-from fourpole.core.notebook import notebook_html
+from fourpole.core.digits import notebook_html, with_std
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart

@@ -19,7 +19,7 @@ from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.rows import conditions_in, names_apart
 from fourpole.io.published import read_listed
 from fourpole.io.tables.kstar import TableOptions
-from fourpole.io.tables.overtime import TimeTable, read_over_time
+from fourpole.io.tables.pair import TimeTable, read_over_time
 from fourpole.models.choice import criteria
 from fourpole.models.families import model_named
 from fourpole.models.maxwell import Prony

@@ -14,9 +14,9 @@ from fourpole.errors import ModelError, UnitError
 from fourpole.fitting.accuracy import Accuracy, accuracy_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import inertia_of, maps_of, place_of
-from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap
+from fourpole.models.realised import MASSLESS
 from fourpole.quantities import ShownUnits
 from fourpole.units import quantity, shown
 

@@ -35,11 +35,10 @@ from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
 from fourpole.fitting.temperature import Shift
-from fourpole.models.answer import Answer
-from fourpole.models.belted import MASSLESS
 from fourpole.models.families import has_inertia
 from fourpole.models.ladder import Rung
-from fourpole.models.operating import OperatingMap, Purpose
+from fourpole.models.operating import Answer, OperatingMap, Purpose
+from fourpole.models.realised import MASSLESS
 from fourpole.models.surface import Axes
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown

@@ -1,13 +1,15 @@
 """Rows of tables of K*: the key (test, point), the condition and the values of the tyre in each row.
 
 A row of a dynamic test is identified by its test and its point, since one recording may give several frequencies. The
-column `point` is written only if a test has more than one point.
+column `point` is written only if a test has more than one point. Columns of words of no known kind that distinguish
+rows of one condition and frequency become part of the specimen's name.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,15 +18,19 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import VERDICTS
-from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
+from fourpole.core.condition import AMPLITUDE, AXES, Axis, Condition, Sameness, Value, axis_of
+from fourpole.core.condition import FREQUENCY as BY_FREQUENCY
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.io.documents import GREATEST
 from fourpole.quantities import Quantity
 from fourpole.units import column_unit, shown, to_si
+from fourpole.words import first_of
+from fourpole.words.heads import head_and_unit
 
 if TYPE_CHECKING:
     from fourpole.core.identify import Identification
-    from fourpole.models.answer import Answer
+    from fourpole.models.operating import Answer
 
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
@@ -350,3 +356,109 @@ def lacking_std(numbers: Mapping[str, FloatArray]) -> str:
     if not any(np.any(numbers[column]) for column in STD[:2]):
         return f"{shown(STD[0])} and {shown(STD[1])} are zero in every row, as no measurement is: they are not used"
     return ""
+
+
+def by_labels(frame: pl.DataFrame, labels: Sequence[str], rule: Sameness) -> tuple[pl.DataFrame, list[str]]:
+    """The table with the labels that tell equal rows apart in the names of its specimens, and remarks on them.
+
+    Rows are equal if they have one condition, amplitude and frequency.
+
+    Examples
+    --------
+    >>> frame = pl.DataFrame({"frequency [Hz]": [5.0, 5.0], "way": ["axial", "radial"]})
+    >>> found, remarks = by_labels(frame, ["way"], Sameness())
+    >>> found["tyre"].to_list()
+    ['axial', 'radial']
+    """
+    remarks, comments = [], {head for head, kind in frame.schema.items() if kind == pl.String} - {"tyre", *labels}
+    whole = Sameness((*rule.axes, *(axis for axis in (AMPLITUDE, BY_FREQUENCY) if axis not in rule.axes)))
+    for head in labels:
+        words = _words(frame[head])
+        equal = whole.groups(conditions_in(frame, whole)).tolist()
+        if len({pair for pair in zip(equal, words, strict=True) if pair[1]}) == len(set(equal)):
+            continue
+        names = frame["tyre"].to_list() if "tyre" in frame.columns else [""] * len(words)
+        both = [", ".join(filter(None, pair)) for pair in zip(names, words, strict=True)]
+        frame = frame.with_columns(pl.Series("tyre", both))
+        known = first_of([*dict.fromkeys(filter(None, words))], 4)
+        remarks.append(f"column {shown(head)} tells rows of one condition and frequency apart: specimens {known}")
+    equal = whole.groups(conditions_in(frame, whole)).tolist() if comments else []
+    for head in sorted(comments):
+        words = frame[head].fill_null("").to_list()
+        if len({*zip(equal, words, strict=True)}) > len({*equal}):
+            remarks.append(
+                f"rows of one condition and frequency differ in column {shown(head)} "
+                f"({first_of([*dict.fromkeys(filter(None, words))], 3)}): they count as repeats"
+            )
+    return frame, remarks
+
+
+def _words(column: pl.Series) -> list[str]:
+    """The cells of a column as labels; a number with its name and unit."""
+    if column.dtype == pl.String:
+        return column.fill_null("").to_list()
+    name, unit = head_and_unit(column.name)
+    return ["" if one is None or one != one else f"{name} {one:g} {unit or ''}".strip() for one in column.to_list()]
+
+
+#: Time of a choice for few rows [s], and for each further row [s], on one core of a present machine.
+_LEAST, _EACH = 0.5, 0.02
+
+
+def seconds_of_fits(rows: int) -> float:
+    """About how long the choice of a model for each tyre takes [s], with K* in this number of rows.
+
+    Examples
+    --------
+    >>> seconds_of_fits(1000)
+    20.5
+    """
+    return _LEAST + _EACH * rows
+
+
+@dataclass(frozen=True)
+class FoundBody:
+    """A row of specimens.csv that has a mass: `row` by the heads of its columns, in SI."""
+
+    row: Mapping[str, Any]
+
+    @property
+    def tyre(self) -> str:
+        """Name of the specimen."""
+        return str(self.row[q.TYRE.head])
+
+    @property
+    def form(self) -> Form:
+        """A belt or a rod."""
+        return Form(self.row[q.FORM.head])
+
+    @property
+    def place(self) -> dict[str, float]:
+        """The stated values of its condition by the columns of the axes."""
+        return {one.column: value for one in AXES if (value := self.row.get(one.column)) is not None}
+
+    def pair(self, quantity: Quantity) -> tuple[float, float]:
+        """Value and standard uncertainty; a blank value is not-a-number, a blank uncertainty 0."""
+        value, std = (self.row.get(head) for head in quantity.heads)
+        return np.nan if value is None else float(value), float(std or 0.0)
+
+    def is_at(self, tyre: str, place: Mapping[str, float]) -> bool:
+        """Whether a specimen and its condition without the frequency are those of this row."""
+        axes = (axis_of(column) for column in place if column in self.row)
+        return tyre == self.tyre and all(
+            axis.same(None if np.isnan(place[axis.column]) else place[axis.column], self.row[axis.column], blank=True)
+            for axis in axes
+        )
+
+    def specimen(self, stiffness: complex) -> Specimen:
+        """The specimen, the share of which is that of the row where K* is `stiffness` [N/m]."""
+        (mass, _), (share, _) = self.pair(q.BELT_MASS), self.pair(q.BELT_SHARE)
+        exponent, (spread, _) = float(self.row[q.BELT_EXPONENT.head] or 0.0), self.pair(q.BELT_SPREAD)
+        share, spread = 1.0 if np.isnan(share) else share, 1.0 if np.isnan(spread) else spread
+        return Specimen(self.form, mass, share, exponent, stiffness, spread)
+
+
+def bodies_in(tables: Mapping[str, pl.DataFrame]) -> list[FoundBody]:
+    """The specimens with a mass that the joint route found, at each condition without its frequency."""
+    rows = tables["specimens"].to_dicts() if "specimens" in tables else []
+    return [FoundBody(row) for row in rows if row[q.FORM.head] != Form.MASSLESS.value]

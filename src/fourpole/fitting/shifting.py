@@ -27,8 +27,7 @@ from fourpole.io.seal import alterations, sealed
 from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns
-from fourpole.models.overlap import Overlap, overlaps
-from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
+from fourpole.models.shift_law import CONSTANTS, LawChoice, Overlap, fit_laws, overlaps
 from fourpole.models.superposition import Superposition, superpose
 
 #: Largest difference of two temperatures of one isotherm [K].

@@ -13,11 +13,10 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, Grown, NamedValue, Strict, check_covariance
-from fourpole.models.answer import Answer
 from fourpole.models.data import DECADE, StiffnessData
 from fourpole.models.fit import Fit, moved_by
 from fourpole.models.laws import root_of
-from fourpole.models.operating import OperatingMap
+from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, worst_miss
 
 #: Most isotherms of a master curve.

@@ -1,4 +1,4 @@
-"""The verification of a model file: whether it is as it was written, and whether its table is the same."""
+"""A model file once more: whether it and its table are as they were; its fits of some tyres put into another file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.document import check_seal, read_document
 from fourpole.fitting.modelfile import ModelFile, checked
+from fourpole.fitting.modelparts import EARLIER
 from fourpole.io.door import sha256_of
 from fourpole.io.seal import KEY
 
@@ -88,3 +89,37 @@ def _table_beside(path: Path, file: ModelFile) -> TableState:
     except FileError:
         return TableState.MISSING
     return TableState.SAME if found == origin.sha256 else TableState.CHANGED
+
+
+def renewed(former: ModelFile, made: ModelFile) -> ModelFile:
+    """The entries of `made`, and those that `former` has of other tyres, each whole.
+
+    The settings of the tyres that are kept stand under the key `EARLIER`.
+
+    Raises
+    ------
+    ModelError
+        If the two are not of one table of K*, or one is of fits and one of maps.
+    """
+    if former.kind != made.kind:
+        raise ModelError(f"it is of kind {former.kind}")
+    if not made.provenance.sha256 or former.provenance.sha256 != made.provenance.sha256:
+        raise ModelError("it is of other results")
+    kept = [tyre for tyre in former.tyres if tyre not in made.tyres]
+    if not kept:
+        return made
+    was, now = former.provenance, made.provenance
+    earlier = {tyre: {key: one for key, one in was.settings_of(tyre).items() if key != EARLIER} for tyre in kept}
+    columns = {one.column for one in made.axes}
+    content = {
+        "models": list(({one.tyre: one for one in former.models} | {one.tyre: one for one in made.models}).values()),
+        "maps": list(({one.tyre: one for one in former.maps} | {one.tyre: one for one in made.maps}).values()),
+        "axes": [*made.axes, *(one for one in former.axes if one.column not in columns)],
+        "provenance": now.model_copy(
+            update={
+                "settings": {**now.settings, EARLIER: earlier},
+                "notes": list(dict.fromkeys([*now.notes, *was.notes])),
+            }
+        ),
+    }
+    return made.model_copy(update=content)

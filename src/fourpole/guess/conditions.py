@@ -14,9 +14,18 @@ from itertools import pairwise
 import numpy as np
 
 from fourpole.core.condition import FREQUENCY
-from fourpole.guess.names import CONDITIONS, KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
+from fourpole.guess.names import (
+    CONDITIONS,
+    CONSTRUCTIONS,
+    KINDS_OF,
+    PASSED_OVER,
+    Entry,
+    RecordingConditions,
+    Token,
+    axis_named,
+    plain,
+)
 from fourpole.guess.specimens import doubt_equal, name_specimens
-from fourpole.guess.words import CONSTRUCTIONS, PASSED_OVER
 from fourpole.words import vocabulary
 
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.

@@ -16,7 +16,6 @@ from fourpole import units
 from fourpole.core.recording import DERIVATIVES
 from fourpole.core.segments import TESTS, Segment, labelled
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
-from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
 from fourpole.guess.signals import (
     ALL_ROWS,
@@ -35,6 +34,7 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, Signal, SignalInfo
 from fourpole.io.source import decode
 from fourpole.units import MOTIONS, shown
+from fourpole.words.heads import Column, column_of
 
 #: Largest number of files in a folder.
 _MOST_FILES = 20_000

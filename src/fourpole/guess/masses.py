@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.guess.channels import LOWER, UPPER, Column, Role
 from fourpole.guess.roles import phasors_of
 from fourpole.guess.signals import SignalShape
 from fourpole.units import shown
-from fourpole.words.heads import words_of
+from fourpole.words.heads import LOWER, UPPER, Column, Role, words_of
 
 #: Share of the tests that must show a passive specimen so that nothing is changed [1].
 _MOST = 0.9

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from fourpole import units
 from fourpole.errors import CampaignError
 from fourpole.guess.gather import FolderContents, FolderRecording
-from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, without_ending
-from fourpole.guess.words import UNITS
+from fourpole.guess.names import CONDITIONS, KINDS_OF, UNITS, Token, without_ending
 from fourpole.units import shown
 
 #: Fields of texts, with the kind of token that each becomes; the names of conditions are further fields.

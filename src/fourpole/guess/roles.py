@@ -15,11 +15,10 @@ import numpy as np
 from fourpole import units
 from fourpole.core.arrays import FloatArray
 from fourpole.core.recording import DERIVATIVES
-from fourpole.guess.channels import Column, Role
 from fourpole.guess.signals import SignalShape
 from fourpole.units import MOTIONS, shown
 from fourpole.words import vocabulary
-from fourpole.words.heads import is_command, kind_of_unit
+from fourpole.words.heads import Column, Role, is_command, kind_of_unit
 
 _W: dict[str, float] = vocabulary()["channels"]["weights"]
 #: Quantities of motion, the most suitable first: beside another motion, and alone.

@@ -13,8 +13,18 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fourpole.core.arrays import IntArray
-from fourpole.guess.names import KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
-from fourpole.guess.words import CONSTRUCTIONS, KEYS, PASSED_OVER, STATES
+from fourpole.guess.names import (
+    CONSTRUCTIONS,
+    KEYS,
+    KINDS_OF,
+    PASSED_OVER,
+    STATES,
+    Entry,
+    RecordingConditions,
+    Token,
+    axis_named,
+    plain,
+)
 from fourpole.units import shown
 
 #: Characters of the longest name of a specimen.

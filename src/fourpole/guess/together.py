@@ -12,7 +12,6 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import Column, Role
 from fourpole.guess.conditions import constructions_of, read_conditions
 from fourpole.guess.gather import FolderContents, gather
 from fourpole.guess.masses import by_mass, rig_doubt, shows_force
@@ -31,6 +30,7 @@ from fourpole.guess.signals import SignalShape
 from fourpole.guess.write import RIG_VALUES, WORDS, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 from fourpole.words import first_of
+from fourpole.words.heads import Column, Role
 
 #: Relative difference from which a stated frequency is another than that of the recording.
 _SAME_FREQUENCY = 0.05

@@ -14,14 +14,13 @@ from pathlib import Path
 from fourpole import quantities as q
 from fourpole.campaign.row import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import Role
 from fourpole.guess.masses import shows_force
 from fourpole.guess.names import CONDITIONS, MOVING_KINDS
-from fourpole.io.lock import campaign_lock
-from fourpole.io.staging import staged
+from fourpole.io.lock import campaign_lock, staged
 from fourpole.io.write import write_text
 from fourpole.units import shown
 from fourpole.words import package_toml
+from fourpole.words.heads import Role
 
 #: What `init` writes and asks, in words.
 WORDS = package_toml("fourpole.guess")

@@ -19,12 +19,11 @@ from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Progress, Signal
 from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside, why
-from fourpole.io.writers import mdf, tables
-from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
+from fourpole.io.writers import CSV, MDF, PARQUET, Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
 #: The writers of all formats, by kind.
-WRITERS = {one.kind: one for one in (tables.CSV, tables.PARQUET, mdf.WRITER)}
+WRITERS = {one.kind: one for one in (CSV, PARQUET, MDF)}
 #: Tools that write a format which is not written here, by the endings of its files.
 _TOOLS = {
     "npTDMS, or LabVIEW": (".tdms",),

@@ -100,14 +100,15 @@ def check_name(name: str) -> None:
 
     FileError if it has a NUL or half a character, names a device of Windows, or another machine as `\\host\share`.
     """
-    told = f"file {shown(name, 200)}"
     if "\0" in name or any("\ud800" <= one <= "\udfff" for one in name):
-        raise FileError(f"{told} has a character that no name of a file may have: rename the file")
-    if name[:2] in ("\\\\", "//", "\\/", "/\\"):
-        raise FileError(f"{told} names another machine: copy the file into the campaign folder")
-    windows = PureWindowsPath(name)
-    if any(_DEVICES.fullmatch(part.rstrip(" .")) for part in windows.parts):
-        raise FileError(f"{told} is the name of a device on Windows: rename the file")
+        fault = "has a character that no name of a file may have: rename the file"
+    elif name[:2] in ("\\\\", "//", "\\/", "/\\"):
+        fault = "names another machine: copy the file into the campaign folder"
+    elif any(_DEVICES.fullmatch(part.rstrip(" .")) for part in PureWindowsPath(name).parts):
+        fault = "is the name of a device on Windows: rename the file"
+    else:
+        return
+    raise FileError(f"file {shown(name, 200)} {fault}")
 
 
 def _opened_below(path: AnyPath, folder: AnyPath, name: str) -> int:

@@ -150,7 +150,7 @@ Words = tuple[str, str, list[str]]
 
 @dataclass(frozen=True)
 class Format:
-    """A file format and its reader. By which first bytes it is recognised, `fourpole.io.known` says.
+    """A file format and its reader. By which first bytes it is recognised, `fourpole.io.recordings` says.
 
     Attributes
     ----------

@@ -4,8 +4,6 @@ The data set is a folder with one folder per table (`tests`, `static`, `rig`, `b
 Parquet file per campaign. docs/lab.md has its columns and queries for DuckDB and polars.
 """
 
-from fourpole.lab.compared import difference
-from fourpole.lab.dataset import Gathered, gather
-from fourpole.lab.layout import SCHEMA, TABLES, scan
+from fourpole.lab.dataset import SCHEMA, TABLES, Gathered, difference, gather, scan
 
 __all__ = ["SCHEMA", "TABLES", "Gathered", "difference", "gather", "scan"]

@@ -1,4 +1,7 @@
-"""Results below a folder become one Parquet data set; results that have not changed since are not read again."""
+"""Results below a folder become one Parquet data set; two campaigns of it compared, as `fourpole compare` does.
+
+Results that have not changed since are not read again. The columns of its tables are the same in each file.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
@@ -17,17 +20,109 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.sources import Source
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.fitting.rows import keyed
+from fourpole.findings.compared import RATIO, compared_by
+from fourpole.findings.points import MOUNTING, none, of_two_campaigns
+from fourpole.fitting.rows import keyed, rule_in
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import make_folder, resolved
+from fourpole.io.lock import staged
 from fourpole.io.published import Published, consistently
-from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
-from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, ORIGIN, ROLE, SCHEMA, STATED, TABLES, LabTable
-from fourpole.study.tables import read_table
+from fourpole.study import tables as of_study
+from fourpole.study.study import Study
+from fourpole.study.tables import TableSpec, read_table
+
+#: Version of the data set. A change of a column's name or meaning, or of the files' places, raises it.
+SCHEMA = 1
+#: The index of a data set, the keys of a campaign's rule of one condition and of its rig and sensors in it, and its
+#: largest size [byte].
+INDEX, CONDITIONS, STATED, MOST_BYTES = "lab.json", "conditions", "stated", 1_000_000_000
+#: Columns that stand first in each table and say where a row is from.
+ORIGIN: dict[str, Any] = {
+    "schema": pl.Int64,
+    "campaign": pl.String,
+    "laboratory": pl.String,
+    "title": pl.String,
+    "date": pl.Date,
+    "fourpole": pl.String,
+    "sha256": pl.String,
+}
+#: Columns of tests.csv that the results have no column for: a JSON object, head -> text.
+FURTHER = "further"
+#: Column of `budget`: the object to which the error belongs, as "channel" or "rig".
+ROLE = "role"
+
+
+@dataclass(frozen=True)
+class LabTable:
+    """One table of the data set.
+
+    Attributes
+    ----------
+    spec : TableSpec
+        The result table whose rows it has.
+    columns : mapping of str to polars type
+        All its columns.
+    needed : tuple of str
+        Columns without which results are not taken; another column that results lack is left empty.
+    """
+
+    spec: TableSpec
+    columns: Mapping[str, Any]
+    needed: tuple[str, ...]
+
+
+def _table(spec: TableSpec, *needed: q.Quantity, further: Mapping[str, Any], keyed: bool = True) -> LabTable:
+    first = {q.TEST.head: pl.String, q.POINT.head: pl.Int64} if keyed else {}
+    # a list in place of an array of fixed length, which not every reader knows
+    plain = {head: pl.List(pl.Float64) if isinstance(kind, pl.Array) else kind for head, kind in spec.columns.items()}
+    return LabTable(spec, {**ORIGIN, **first, **plain, **further}, tuple(quantity.head for quantity in needed))
+
+
+#: Tables of the data set by name.
+TABLES: dict[str, LabTable] = {
+    "tests": _table(
+        of_study.DYNAMIC,
+        *(q.TEST, q.TYRE, q.FREQUENCY, q.STORAGE, q.LOSS),
+        further={"time": pl.String, FURTHER: pl.String},
+    ),
+    "static": _table(
+        of_study.STATIC,
+        *(q.TEST, q.TYRE, q.PRELOAD, q.K1),
+        further={q.TEMPERATURE.head: pl.Float64, FURTHER: pl.String},
+        keyed=False,
+    ),
+    "rig": _table(of_study.RIG, q.VALUE, q.UNIT, further={}, keyed=False),
+    "budget": _table(of_study.BUDGET, q.TEST, q.QUANTITY, q.SOURCE, q.U, further={ROLE: pl.String}),
+    "covariance": _table(of_study.COVARIANCE, q.TEST, q.OWN_COVARIANCE, further={}),
+}
+
+
+def scan(folder: str | Path, table: str = "tests") -> pl.LazyFrame:
+    """A table of a data set, which is read when it is collected.
+
+    Parameters
+    ----------
+    folder : path
+        A data set that `gather` or `fourpole lab` wrote.
+    table : str
+        One of `TABLES`.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such table, or the folder holds no data set.
+    """
+    if table not in TABLES:
+        raise CampaignError(f"no table {table!r}: choose one of {', '.join(TABLES)}")
+    if not any(Path(folder, table).glob("*.parquet")):
+        raise CampaignError(f"{folder}: there is no data set: fourpole lab FOLDER writes one")
+    return pl.scan_parquet(Path(folder, table) / "*.parquet")
+
 
 _FORMAT, _STUDY = "fourpole lab", "study.json"
 _TIME = "time"
@@ -290,3 +385,80 @@ def _further(frame: pl.DataFrame, own: dict[str, Any]) -> list[str | None]:
         for row in frame.iter_rows(named=True)
     )
     return [json.dumps(row, ensure_ascii=False, sort_keys=True) if row else None for row in rows]
+
+
+#: Cases of what two campaigns share.
+_WAYS = ("independent", "same sensors")
+_VALUES = (q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
+
+
+def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
+    r"""The second campaign less the first, at each condition and frequency that both have.
+
+    .. math:: u^2 = \sum_s (u_{1s}^2 + u_{2s}^2 - 2 r_s u_{1s} u_{2s})
+
+    over the sources s of the budgets. Two cases are given. If the campaigns are independent, r = 0. For "same sensors",
+    r is by the rule of `fourpole.compare`: 1 for the errors of sensors with one serial number in both, of a rig that
+    both state alike, and of weighed masses of one size, and for the gains of load and deflection in K1.
+
+    Parameters
+    ----------
+    folder : path
+        A data set of `gather`.
+    first, second : str
+        Names of the campaigns.
+
+    Returns
+    -------
+    polars.DataFrame
+        A row for each of K', K'', the loss factor, K2 and C at each condition and frequency of `first` that `second`
+        has too, by the rule of one condition of both campaigns; repeats are averaged. Values of the second are brought
+        to the frequency of the first by the slope over the neighbouring frequencies. `ratio` is the difference over its
+        uncertainty: beyond 2 or -2, errors do not explain it (about 5 % of all ratios are, where nothing differs).
+
+    Raises
+    ------
+    CampaignError
+        If there is no such data set or campaign.
+
+    Notes
+    -----
+    With r = 1 an error is taken to act in the same direction in both campaigns, which holds for the same route, rig and
+    condition. Where K* differs by more than 20 %, no error of the dynamic test is taken as common, and none at all if
+    the campaigns found K* by different routes. It is the computation of `fourpole.compare`.
+    """
+    names = scan(folder).select("campaign").unique().collect()["campaign"].sort().to_list()
+    for name in (first, second):
+        if name not in names:
+            raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(names)}")
+    was, now = (_study(Path(folder), name) for name in (first, second))
+    used = pl.col(q.VERDICT.head) != Verdict.REJECTED
+    routes = [set(study.dynamic.filter(used)[q.ROUTE.head]) for study in (was, now)]
+    common = of_two_campaigns(was, now)[0] if routes[0] == routes[1] else none
+    tables = [compared_by(was, now, errors, _VALUES) for errors in (none, common)]
+    shown = tables[0].select(
+        pl.col("specimen").alias(q.TYRE.head),
+        *(quantity.head for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY)),
+        *("quantity", "unit", "first", "second", "difference"),
+    )
+    return shown.with_columns(
+        *(table["u(difference)"].alias(f"u {way}") for way, table in zip(_WAYS, tables, strict=True)),
+        *(table[RATIO].alias(f"ratio {way}") for way, table in zip(_WAYS, tables, strict=True)),
+    )
+
+
+def _study(folder: Path, campaign: str) -> Study:
+    """The results of one campaign of a data set, with its rule of one condition."""
+    content = read_bytes(folder / INDEX, max_bytes=MOST_BYTES, within=folder)
+    entry = json_of(content, INDEX)["campaigns"].get(campaign, {})
+    record = {name: entry.get(name) for name in (CONDITIONS, STATED)}
+    tables = {name: scan(folder, name).filter(pl.col("campaign") == campaign).collect() for name in TABLES}
+    further = [json_of(text, FURTHER) if text else {} for text in tables["tests"][FURTHER].to_list()]
+    heads = dict.fromkeys(head for row in further for head in row)
+    axes = {MOUNTING, *(axis.column for axis in rule_in(record).further)}
+    columns = [
+        pl.Series(head, [row.get(head) for row in further], dtype=pl.String)
+        for head in heads
+        if head.removesuffix(" (tests.csv)") in axes
+    ]
+    return Study(tables={**tables, "dynamic": tables["tests"].with_columns(columns)}, record=record)

@@ -129,49 +129,6 @@ def transmissibility(
     return tyre.transmissibility(stiffness, omega, mass=0.0, preload_stiffness=whole)
 
 
-def transmissibility_derivative(
-    model: Model, values: ArrayLike, rig: Rig, omega: ArrayLike, added_mass: ArrayLike = 0.0
-) -> ComplexArray:
-    r"""Derivatives of V2/V1 by the parameters of the model, for the uncertainty of TR.
-
-    .. math:: \frac{\partial T}{\partial p} = \frac{j\omega Z_r T^2}{K^{*2}}\,\frac{\partial K^*}{\partial p}
-
-    The relative standard uncertainty of TR is :math:`\sqrt{J S J^T}`. J is the real part of the derivatives over T, and
-    S is the covariance of the parameters.
-
-    Parameters
-    ----------
-    model, values, rig, omega, added_mass
-        As in `mobility`.
-
-    Returns
-    -------
-    (..., N, P) complex array
-        Derivatives by each parameter, in its unit.
-
-    Raises
-    ------
-    ModelError
-        As `four_pole`.
-
-    Examples
-    --------
-    >>> from fourpole.models.maxwell import Zener
-    >>> at = Zener(), [180e3, 120e3, 700.0], Rig(moving_mass=15.0, preload_stiffness=12440.0), [20 * np.pi]
-    >>> relative = (transmissibility_derivative(*at) / transmissibility(*at)[..., None]).real
-    >>> covariance = np.diag(np.array([900.0, 600.0, 3.5]) ** 2)
-    >>> np.sqrt(np.einsum("np,pq,nq->n", relative, covariance, relative)).round(5)  # 0.5 % each
-    array([0.00128])
-    """
-    slopes = model.derivative(values, omega)
-    if rig.blocked:
-        return np.zeros_like(slopes)
-    stiffness, omega = _stiffness(model, values, omega), positive(omega)
-    share = transmissibility(model, values, rig, omega, added_mass) / stiffness
-    by_stiffness = 1j * omega * rig.impedance(omega, added_mass) * share**2
-    return np.asarray(by_stiffness[..., None] * slopes)
-
-
 def in_time(model: Model, values: ArrayLike, band: tuple[float, float], accuracy: float = 1e-6) -> StateSpace:
     """The state space of a model, or of the Maxwell arms that approximate it within a band.
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.face import moved_to
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 
@@ -75,6 +74,3 @@ class KelvinVoigt(Model):
     def state_space(self, values: ArrayLike) -> StateSpace:
         """State space without states: the force follows from deflection and rate."""
         return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), self.checked(values))
-
-
-__getattr__ = moved_to("fourpole.paper1982.models")  # structural damping was here

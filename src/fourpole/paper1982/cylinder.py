@@ -35,8 +35,6 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 
-_MOST_TERMS = 1024
-
 
 @dataclass(frozen=True, eq=False)
 class Cylinder(ByValue):
@@ -223,57 +221,6 @@ def modes(stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(squares), np.asarray(shape)
 
 
-def mode_shape(
-    cylinder: Cylinder, n: int, m: int, theta: ArrayLike, y: ArrayLike, branch: int = 0
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The mode shape of one natural frequency; its largest component is 1.
-
-    Parameters
-    ----------
-    cylinder : Cylinder
-        A single cylinder, without arrays.
-    n, m : int
-        Harmonics around and across.
-    theta, y : (...,) float arrays [rad], [m]
-        Angle around and position across, from 0 to B; the two arrays broadcast with each other.
-    branch : int
-        Place of the frequency in `natural_frequencies`: 0, 1 or 2.
-
-    Returns
-    -------
-    u, v, w : (...,) float arrays [1]
-        Axial, circumferential and outward motion.
-
-    Raises
-    ------
-    ModelError
-        If the harmonic has no such motion.
-
-    Examples
-    --------
-    An oval ring: v is w/n, shifted by a quarter period.
-
-    >>> ring = Cylinder(0.3, 0.2, 1e8, 5.0, 0.0, 0.0, 12.0)
-    >>> u, v, w = mode_shape(ring, 2, 0, [0.0, np.pi / 4], 0.1)
-    >>> w.round(3).tolist(), v.round(3).tolist()
-    ([1.0, 0.0], [-0.0, -0.5])
-    """
-    frequencies = natural_frequencies(cylinder, n, m)
-    if frequencies.shape != (3,) or not 0 <= branch < np.sum(np.isfinite(frequencies)):
-        raise ModelError(f"harmonic n = {n}, m = {m} of one cylinder has no motion {branch}")
-    squares, shape = modes(elasticity(cylinder, np.array([float(n)]), np.array([float(m)])))
-    wanted = (2 * np.pi * frequencies[branch]) ** 2 * float(np.asarray(cylinder.mass))
-    there = np.array([m != 0, n != 0, True])
-    real = [at for at in range(3) if np.sum(shape[0, there, at] ** 2) > 0.5]
-    part = shape[0, :, min(real, key=lambda at: abs(squares[0, at] - wanted))]
-    part = part / part[int(np.argmax(np.abs(part)))]
-    number = m * np.pi / float(np.asarray(cylinder.width))
-    cos, sin = np.cos(number * np.asarray(y, dtype=float)), np.sin(number * np.asarray(y, dtype=float))
-    along, axial = (cos, sin) if cylinder.edges == "guided" else (sin, -cos)
-    turn, quarter = np.cos(n * np.asarray(theta, dtype=float)), np.sin(n * np.asarray(theta, dtype=float))
-    return part[0] * turn * axial, part[1] * quarter * along, part[2] * turn * along
-
-
 def flexibility(
     cylinder: Cylinder, length: ArrayLike, share: ArrayLike, *, around: int = 40, across: int = 10
 ) -> FloatArray:
@@ -313,54 +260,3 @@ def flexibility(
     along, over, per_area = load(cylinder, n, m, length, share)
     answer = radial_answer(elasticity(cylinder, n, m))[2]
     return np.asarray(np.sum((along * over) ** 2 * per_area * answer, axis=-1))
-
-
-def enough_terms(
-    cylinder: Cylinder, length: ArrayLike, share: ArrayLike, accuracy: float = 1e-3
-) -> tuple[int, int, float]:
-    """Numbers of harmonics with which a static deflection has a stated accuracy.
-
-    Both numbers are doubled until the change is small. Under a point load, and with bending stiffness, each change is a
-    quarter of the change before; so the truncation error is at most a third of the last change.
-
-    Parameters
-    ----------
-    cylinder, length, share
-        As in `flexibility`; for arrays the largest error counts.
-    accuracy : float [1]
-        Largest relative error, > 0.
-
-    Returns
-    -------
-    around, across : int
-    error : float [1]
-        Estimated relative truncation error.
-
-    Raises
-    ------
-    ModelError
-        If 1024 harmonics around are not enough, as for a point load on a wall with little bending stiffness.
-
-    Examples
-    --------
-    >>> tyre = Cylinder(0.3, 0.2, 1e7, 20.0, 2e5, 6e6, 12.0)
-    >>> around, across, error = enough_terms(tyre, 0.1, 0.6, 1e-3)
-    >>> around, across, error < 1e-3
-    (32, 8, True)
-    """
-    if not accuracy > 0:
-        raise ModelError(f"the accuracy must be positive, not {accuracy:g}")
-    around, across = 8, 2
-    before = flexibility(cylinder, length, share, around=around, across=across)
-    error = np.inf
-    while around < _MOST_TERMS:
-        around, across = 2 * around, 2 * across
-        now = flexibility(cylinder, length, share, around=around, across=across)
-        error = float(np.max(np.abs(now - before) / now)) / 3
-        if error <= accuracy:
-            return around, across, error
-        before = now
-    raise ModelError(
-        f"{around} harmonics around and {across} across have an error of {error:.2g}, not {accuracy:g}: state a patch "
-        "instead of a point, or a larger bending stiffness"
-    )

@@ -16,6 +16,7 @@ from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import with_std
 from fourpole.core.specimen import Form
+from fourpole.fitting.rows import bodies_in
 from fourpole.plot.cards import points_of
 from fourpole.plot.data import (
     MOST_LABELLED,
@@ -56,7 +57,6 @@ from fourpole.plot.states import (
     values_on,
 )
 from fourpole.quantities import Quantity
-from fourpole.study.inertia import bodies_in
 from fourpole.study.study import Study
 
 #: What is read as massless is not drawn where it is further from K* than this [1].
@@ -204,7 +204,7 @@ def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData |
     chosen, scale, dashes = chosen_curves(results, {tyre: groups[tyre] for tyre in shown}, notes)
     curves = list(chain(*chosen.values()))
     log = _logarithmic(curves, sheet)
-    massless = not {*quantities}.isdisjoint(_MASSLESS) and bool(bodies_in(results))
+    massless = not {*quantities}.isdisjoint(_MASSLESS) and bool(bodies_in(results.tables))
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
     panels: list[Panel] = []
     for start in range(0, len(shown), columns):

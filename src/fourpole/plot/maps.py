@@ -17,8 +17,7 @@ from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
-from fourpole.models.answer import Answer
-from fourpole.models.operating import OperatingMap
+from fourpole.models.operating import Answer, OperatingMap
 from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series, plain_text, shade
 from fourpole.plot.part import part_of

@@ -18,15 +18,14 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, amplitudes_of, levels_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
-from fourpole.fitting.rows import conditions_in, keys_of, rule_in
+from fourpole.fitting.rows import FoundBody, bodies_in, conditions_in, keys_of, rule_in
 from fourpole.fitting.stated import rig_in
-from fourpole.models.answer import Answer
-from fourpole.models.belted import MASSLESS
+from fourpole.models.operating import Answer
+from fourpole.models.realised import MASSLESS
 from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, Panel, Role, Series, plain_text
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 
 #: Amplitudes of the deflection within this ratio are one series.
@@ -249,7 +248,7 @@ class State(ByValue):
 def body_of(results: Study, state: State) -> FoundBody | None:
     """The mass that was found of the specimen at this condition."""
     tyre = str(results.dynamic[q.TYRE.head][int(np.flatnonzero(state.rows)[0])])
-    return next((body for body in bodies_in(results) if body.is_at(tyre, state.place)), None)
+    return next((body for body in bodies_in(results.tables) if body.is_at(tyre, state.place)), None)
 
 
 def tested(results: Study, tests: BoolArray) -> list[State]:

@@ -145,11 +145,6 @@ class Style:
             return palette[at]
         return mixed(palette[at], self.look.ink if turn % 2 else self.look.paper, 0.45)
 
-    def face(self, tyre: int, rank: int, count: int) -> str:
-        """Fill of a marker: the tyre's colour, paler for the lower of several pressures."""
-        part = 1.0 if count < 2 else 0.12 + 0.88 * rank / (count - 1)
-        return mixed(self.look.paper, self.colour(tyre), part)
-
     def frequency_colour(self, part: float) -> str:
         """Colour of a frequency on the sequential scale; `part` is 0 for the lowest and 1 for the highest."""
         low, high = self.look.scale

@@ -18,9 +18,9 @@ from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known, number
 from fourpole.core.phasor import SYMBOLS
+from fourpole.core.polar import value_of
 from fourpole.core.recording import UNITS
 from fourpole.findings.list import CheckRow, checks_by_point, kind_of
-from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import KEY, Key, key_of, keyed, keys_of
 from fourpole.plot.cards import dynamic_cards, in_equal_ratios
 from fourpole.quantities import Quantity, ShownUnits

@@ -20,10 +20,9 @@ from fourpole.io.write import write_text
 from fourpole.plot.cards import shown_rows
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import counted, joined
-from fourpole.report.front import front_page
+from fourpole.report.front import front_page, short_names
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
-from fourpole.report.names import short_names
 from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import GROUPS, RigInWords, rigs_in_words

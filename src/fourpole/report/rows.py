@@ -14,7 +14,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.core.digits import known, number
-from fourpole.findings.polar import value_of
+from fourpole.core.polar import value_of
 from fourpole.findings.summary import skewed_intervals
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import DERIVED, RIG_VALUES, Quantity, ShownUnits

@@ -13,8 +13,8 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.recursion import LinearSystem, driven
 from fourpole.errors import ModelError
-from fourpole.ride.linear import LinearSystem, driven
 
 #: Band limits of Wk [Hz].
 _HIGH_PASS, _LOW_PASS = 0.4, 100.0

@@ -15,9 +15,8 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
-from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model, StateSpace
-from fourpole.models.realised import realised
+from fourpole.models.realised import MASSLESS, realised
 from fourpole.models.springs import KelvinVoigt
 from fourpole.ride.contact import ContactRide, LoadDeflection, ride_with_contact
 from fourpole.ride.response import POINTS, Condensed, Ride, frequencies_of, names, ride

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.recursion import step_matrices
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import StateSpace
+from fourpole.models.realised import MASSLESS
 from fourpole.ride.comfort import check_step, weighted
-from fourpole.ride.linear import step_matrices
 from fourpole.ride.time import TimeRide, work_on
 from fourpole.ride.vehicle import Body
 

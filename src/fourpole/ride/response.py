@@ -13,7 +13,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.models.belted import MASSLESS, gain, weight
+from fourpole.models.realised import MASSLESS, gain, weight
 from fourpole.ride.comfort import weighting
 from fourpole.ride.road import ClassRoad, check_speed
 from fourpole.ride.vehicle import Body

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.recursion import LinearSystem, driven
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.models.belted import MASSLESS, both_ends
 from fourpole.models.interface import StateSpace
+from fourpole.models.realised import MASSLESS, both_ends
 from fourpole.ride.comfort import Comfort, check_step, comfort_of, weighting_system
-from fourpole.ride.linear import LinearSystem, driven
 from fourpole.ride.road import check_speed
 from fourpole.ride.vehicle import Body
 

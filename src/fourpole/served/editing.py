@@ -22,9 +22,8 @@ from fourpole.campaign.row import DOUBTS, still_open
 from fourpole.errors import CampaignError, FourpoleError, TableError
 from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
-from fourpole.io.lock import campaign_lock
+from fourpole.io.lock import campaign_lock, staged
 from fourpole.io.source import decode
-from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.served.workspace import MOST_TABLE, version_of
 from fourpole.words import package_toml

@@ -1,35 +1,54 @@
-"""What all pages have in common: the workspace, the jobs, the templates, and answers to errors."""
+"""What all pages have in common: workspace, jobs, results that are held, templates, figures, errors."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import threading
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import resources
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 from urllib.parse import quote
 
 from jinja2 import ChoiceLoader, DictLoader, Environment, PackageLoader, pass_context
 from jinja2.runtime import Context
+from markupsafe import Markup
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
+from fourpole import quantities as q
+from fourpole.campaign import Campaign, read_campaign
+from fourpole.campaign.folder import LIMITS
+from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.digits import number, with_std
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.findings import by_size, findings
+from fourpole.io.published import Published
+from fourpole.plot import FIGURES, draw, figure_data, render
+from fourpole.plot.cards import dynamic_cards, static_cards
+from fourpole.plot.catalogue import spec_of
+from fourpole.plot.data import Panel, Role, Series
+from fourpole.plot.sheet import texts
 from fourpole.report.html import environment, fit
-from fourpole.report.page import PARTS
+from fourpole.report.page import PARTS, ReportFigure, page_parts
+from fourpole.report.words.sentence import sentences
 from fourpole.served.editing import ConflictError
 from fourpole.served.guard import ASKED_BY
-from fourpole.served.held import Held, Shown
 from fourpole.served.jobs import Asked, Jobs
 from fourpole.served.signals import Collector
 from fourpole.served.workspace import NoCampaignError, Place, Uploads, Workspace, state_of
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 from fourpole.units import shown
 from fourpole.version import VERSION
 
@@ -47,6 +66,101 @@ STATIC = {
 MOST_WATCHES = 8
 #: Largest body of a form or of a list of files [byte].
 MOST_BODY = 20_000_000
+#: Number of campaigns whose results are held.
+_MOST = 6
+#: Largest figure that is shown [byte].
+_MOST_BYTES = 20_000_000
+Made = TypeVar("Made")
+
+
+@dataclass(eq=False)
+class Shown:
+    """The results of a campaign, and what the report shows of them."""
+
+    place: Place
+    results: Study
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """What the templates of the report show."""
+        files = self.results.files
+        figures = {
+            key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"), spec.number)
+            for key, spec in FIGURES.items()
+            if files is not None and files.has(f"figures/{key}.svg")
+        }
+        found = sentences(by_size(findings(self.results)), self.results.shown)
+        parts = page_parts(self.results, findings=found, figures=figures)
+        return {**parts, "lacks_models": False}  # the page Model says so, and fits them
+
+    @cached_property
+    def cards(self) -> dict[str, Any]:
+        """The card of each test, by the name of the test, in their order."""
+        return {card.test: card for card in self.parts["cards"]}
+
+
+class Latest(Generic[Made]):
+    """What was asked for last, by keys, while the mark of its inputs stays the same."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._lock = most, threading.Lock()
+        self._made: OrderedDict[Any, tuple[Any, Made]] = OrderedDict()
+
+    def get(self, key: Any, mark: Any, make: Callable[[], Made]) -> Made:
+        """What is held of a key with this mark, or else is made now."""
+        with self._lock:
+            held = self._made.get(key)
+            if held is not None and held[0] == mark:
+                self._made.move_to_end(key)
+                return held[1]
+        made = make()
+        with self._lock:
+            self._made[key] = (mark, made)
+            self._made.move_to_end(key)
+            while len(self._made) > self._most:
+                self._made.popitem(last=False)
+        return made
+
+
+class Held:
+    """The results and statements that were asked for last."""
+
+    def __init__(self) -> None:
+        self._campaigns: Latest[Campaign] = Latest(_MOST)
+        self._shown: Latest[Shown] = Latest(_MOST)
+
+    def of(self, place: Place) -> Shown | None:
+        """The results of a campaign; None if it has none yet."""
+        path = place.results / "study.json"
+        try:
+            stat = path.stat()
+        except OSError:
+            return None
+        mark = (stat.st_mtime_ns, stat.st_size, stat.st_ino, _mark(place))
+        return self._shown.get(place.key, mark, lambda: Shown(place, read_results(place.results)))
+
+    def campaign(self, place: Place) -> Campaign:
+        """The statement of a campaign, read again when its files change; CampaignError if it cannot be used."""
+        files = [path for name in ("campaign.toml", "tests.csv", LIMITS) if (path := place.folder / name).is_file()]
+        mark = tuple((path.stat().st_mtime_ns, path.stat().st_size) for path in files)
+        return self._campaigns.get(place.key, mark, lambda: read_campaign(place.folder))
+
+
+def _drawing(files: Published, name: str) -> str:
+    """The text of a figure; what is no text in it is replaced."""
+    return files.read(name, max_bytes=_MOST_BYTES).decode(errors="replace")
+
+
+def _mark(place: Place) -> tuple[int, ...]:
+    """When the models and maps beside the results changed."""
+    times = []
+    for name in ("model.json", "map.json"):
+        try:
+            times.append((place.results / name).stat().st_mtime_ns)
+        except OSError:
+            times.append(0)
+    return tuple(times)
 
 
 @dataclass(eq=False)
@@ -186,3 +300,89 @@ def static(request: Request) -> Response:
     package, kind = STATIC[name]
     content = resources.files(package).joinpath(name).read_bytes()
     return Response(content, media_type=kind, headers={"Cache-Control": "no-cache"})
+
+
+#: A link in a figure to the card of a test.
+_CARD = re.compile(r'xlink:href="#([\w-]+)"')
+#: Largest number of rows of the tables below a figure.
+_MOST_ROWS = 2000
+
+
+class LinkedFigure:
+    """A figure of the report whose points lead to the recordings of their tests."""
+
+    def __init__(self, figure: ReportFigure, shown: Shown) -> None:
+        self.title, self.caption, self.address, self.size = figure.title, figure.caption, figure.address, figure.size
+        drawing = figure.inline
+        self.inline = None if drawing is None else linked(drawing, shown)
+
+
+def linked(drawing: Markup, shown: Shown) -> Markup:
+    """A drawing whose links to cards of tests are links to their recordings."""
+    results = shown.results
+    tests = {card: test for test, card in static_cards(results).items()}
+    tests |= dict(zip(dynamic_cards(results), texts(results.dynamic, q.TEST.head), strict=True))
+
+    def place_of(found: re.Match[str]) -> str:
+        test = tests.get(found[1])
+        return found[0] if test is None else f'xlink:href="{address(shown.place, "tests", test)}"'
+
+    return Markup(_CARD.sub(place_of, drawing))
+
+
+def drawn(site: Site, results: Study, key: str, form: str = "svg") -> bytes | None:
+    """A figure of the catalogue as a file; None if the results hold nothing that it shows."""
+    with site.drawing:
+        figure = draw(results, key)
+        return None if figure is None else render(figure, key, form)
+
+
+def figure_of(site: Site, shown: Shown, results: Study, key: str) -> LinkedFigure | None:
+    """A figure of the catalogue for a page; `results` are those of `shown`, or a part of them."""
+    svg = drawn(site, results, key)
+    if svg is None:
+        return None
+    spec = spec_of(key)
+    return LinkedFigure(ReportFigure(key, spec.title, spec.caption, svg.decode(), spec.number), shown)
+
+
+@dataclass(frozen=True)
+class Values:
+    """The tests of one panel of a figure: name and unit of both axes, and a row for each test."""
+
+    title: str
+    x: str
+    y: str
+    rows: list[tuple[str, str, str, str]]
+
+
+def values_of(results: Study, key: str) -> list[Values]:
+    """The tests that a figure shows, panel by panel; none for line art, which has no axes."""
+    if key in FIGURES and FIGURES[key].data is None:
+        return []
+    data = figure_data(results, key)
+    found, left = [], _MOST_ROWS
+    for panel in () if data is None else data.panels:
+        rows = list(_rows(panel))[:left]
+        left -= len(rows)
+        if rows:
+            found.append(
+                Values(", ".join(filter(None, (panel.title, panel.right))), panel.x.label, panel.y.label, rows)
+            )
+    return found
+
+
+def _rows(panel: Panel) -> Iterator[tuple[str, str, str, str]]:
+    """Name of the test, verdict if it is rejected, and both values as text."""
+    for one in panel.series:
+        if one.role in (Role.POINTS, Role.REJECTED) and one.tests and not panel.names:
+            verdict = "rejected" if one.role is Role.REJECTED else ""
+            yield from zip(one.tests, [verdict] * len(one.tests), _texts(one, "x"), _texts(one, "y"), strict=True)
+
+
+def _texts(one: Series, which: str) -> Iterator[str]:
+    values, stds = (one.x, one.across) if which == "x" else (one.y, one.spread)
+    for value, std in zip_longest(values.tolist(), [] if stds is None else stds.tolist()):
+        known = std is not None and std > 0
+        text, about = with_std(value, COVERAGE_FACTOR * std) if known else (number(value, 5), "")
+        yield f"{text} ± {about}" if about else text

@@ -22,11 +22,10 @@ from fourpole.io.remote import EVERY, allowing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
 from fourpole.study.agreement import agreement, notes_of
-from fourpole.study.asked import asked_only
 from fourpole.study.cache import Cache
 from fourpole.study.compare import compare_points, judge_points
 from fourpole.study.identify import check_rig, identify_points, possible_route
-from fourpole.study.points import Points
+from fourpole.study.points import Points, asked_only
 from fourpole.study.record import study_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.selection import select_tables

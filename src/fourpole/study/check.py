@@ -20,9 +20,9 @@ from fourpole.io.recordings import survey
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import StreamSource, stream, times_of
-from fourpole.study.asked import expects_k1
 from fourpole.study.identify import no_rig, possible_route
 from fourpole.study.load import source_of
+from fourpole.study.points import expects_k1
 from fourpole.study.record import assumptions_of
 from fourpole.study.reduce import ROUTE_NEEDS, Reduction, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for

@@ -17,7 +17,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import begun_at, condition_of, condition_words
-from fourpole.core.alone import Alone
+from fourpole.core.alone import Alone, check_scale, k1_exchanged
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Check, Code, Verdict, judged, reported
 from fourpole.core.condition import SAME_FREQUENCY, Condition
@@ -26,7 +26,6 @@ from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.routes import NoArm, no_arm
-from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.agreement import excitations, mixed_amplitudes
 from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points, StaticStiffness

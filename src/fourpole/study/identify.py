@@ -18,16 +18,14 @@ from fourpole.core.blocking import blocking_checks, steep_checks, with_unstated_
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
-from fourpole.core.curvature import largest_bend
+from fourpole.core.curvature import Interval, arm_intervals, draw_around, draw_route, largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
-from fourpole.core.fixture import given_way, without_fixture
 from fourpole.core.identify import Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
-from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
-from fourpole.core.rig import Rig
+from fourpole.core.rig import Rig, given_way, without_fixture
 from fourpole.core.sources import Kind, Source
 from fourpole.core.specimen import Body
 from fourpole.errors import CampaignError
@@ -213,6 +211,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
         **stated.unstated.rig_std(rigid=rig is None or bool(np.isinf(rig.frame_stiffness))),
+        "complete": stated.unstated.ordinary == "zero",
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[own].astype(float),
@@ -311,7 +310,8 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     if blocked:
         arguments["frame_std"] = setup["frame_std"]
     at_far_end = route == "transmissibility" or (blocked and rig.at_ground)
-    k_of = np.where(known & blocked, "springs", "blocked transfer" if at_far_end else "driving point")
+    inside = (known | setup["complete"]) & blocked  # its inertia is taken out, or it has none
+    k_of = np.where(inside, "springs", "blocked transfer" if at_far_end else "driving point")
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
@@ -332,7 +332,7 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
-    setup = {name: value for name, value in setup.items() if name != "frame_std"}  # that of a bench
+    setup = {name: value for name, value in setup.items() if name not in ("frame_std", "complete")}  # of a bench
     joint = solve_joint(phasors, **setup)
     k1_std, parts = _with_specimen(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])

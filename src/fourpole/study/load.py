@@ -13,17 +13,15 @@ from fourpole.campaign.channels import ChannelFile, ChannelsFile, Conversion, Dr
 from fourpole.campaign.place import group_of, inside
 from fourpole.campaign.row import Test
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.decimate import Decimator
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
-from fourpole.core.recording import Channel, Recording, uniform_time
+from fourpole.core.recording import Channel, Decimator, Recording, uniform_time
 from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import PulseTrain, Reference
 from fourpole.errors import FileError, FourpoleError, Message, RecordingError, TableError
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, agreed, stream, times_of
-from fourpole.study.beside import MeanOfSensors
-from fourpole.study.response import read_response
+from fourpole.study.response import MeanOfSensors, read_response
 
 #: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14

@@ -14,7 +14,7 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, read_campaign
 from fourpole.campaign.row import Test
 from fourpole.core.checks import worst_verdict
-from fourpole.core.notebook import notebook_html
+from fourpole.core.digits import notebook_html
 from fourpole.core.phasor import Phasors
 from fourpole.errors import CampaignError
 from fourpole.study.record import tests_of

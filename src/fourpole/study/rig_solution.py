@@ -90,7 +90,8 @@ def _values(joint: Joint) -> list[SharedValue]:
     values = []
     for index, (parameter, fitted) in enumerate(zip(parameters, joint.found.tolist(), strict=True)):
         raised = parameter.source in misfit.specimens
-        if parameter.source.role is Role.MOUNTING or (parameter.source.role is Role.SPECIMEN and not raised):
+        role = parameter.source.role
+        if role is Role.MOUNTING or (role is Role.SPECIMEN and not raised) or parameter.source.is_shape:
             continue  # many values of the table, of which the results hold no more than that
         prior, conflict = float(joint.stated.std[index]), index in misfit.conflicts
         unstated = raised or parameter.source in misfit.added

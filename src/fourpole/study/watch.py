@@ -20,10 +20,10 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign, tests_file
+from fourpole.campaign.ordinary import Stated
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test, known_name
 from fourpole.campaign.schema import RigFile
-from fourpole.campaign.stated import Stated
 from fourpole.core.checks import Verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, FourpoleError
@@ -32,9 +32,8 @@ from fourpole.guess.together import guess_more
 from fourpole.guess.write import Row, quoted, tests_csv
 from fourpole.io.documents import delimiter_of, rows_of
 from fourpole.io.door import read_bytes
-from fourpole.io.lock import campaign_lock
+from fourpole.io.lock import campaign_lock, staged
 from fourpole.io.source import decode
-from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.study.analysis import analyse
 from fourpole.study.results import read_results

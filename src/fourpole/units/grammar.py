@@ -139,9 +139,10 @@ def spelled_out(text: str, longest: int = _LONGEST) -> str:
     spelled = text.translate(SPELLINGS).strip()
     if spelled.startswith("[") and spelled.endswith("]"):
         spelled = spelled[1:-1].strip()
-    for character in spelled:
-        if not (character.isascii() and character.isprintable()) and character not in "µ°‰":
-            raise UnitError(f"{shown(text)} has a character that no unit has: {shown(character)}")
+    if not (spelled.isascii() and spelled.isprintable()):
+        for character in spelled:
+            if not (character.isascii() and character.isprintable()) and character not in "µ°‰":
+                raise UnitError(f"{shown(text)} has a character that no unit has: {shown(character)}")
     return spelled
 
 

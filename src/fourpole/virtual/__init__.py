@@ -4,14 +4,13 @@ This package shares no formula with `fourpole.core`. The tyre is a set of differ
 causal model, which is integrated in time or solved at one frequency.
 """
 
-from fourpole.virtual.bench import Bench, Zener, state_matrices
+from fourpole.virtual.bench import Belt, Bench, Laden, Rod, Zener, state_matrices
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import Motion, run, run_block
-from fourpole.virtual.inertia import Belt, Laden, Rod
 from fourpole.virtual.phasor_rig import Conditions, DrawnLaboratory, Laboratory, PhasorCampaign, draw, simulate_phasors
+from fourpole.virtual.recordings import StaticCycles, load_cycles
 from fourpole.virtual.sensors import Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
-from fourpole.virtual.static_rig import StaticCycles, load_cycles
 from fourpole.virtual.tyres import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
 
 __all__ = [

@@ -10,9 +10,8 @@ import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.models.step import cubic_step
-from fourpole.virtual.bench import Bench, Element, equations, far_end, leaf, state_matrices
+from fourpole.virtual.bench import Bench, Element, Laden, equations, far_end, leaf, state_matrices
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.inertia import Laden
 
 #: A transient has decayed after this many time constants: e^-37 is below round-off.
 _SETTLED = 37.0

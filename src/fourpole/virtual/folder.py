@@ -20,8 +20,7 @@ from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
 from fourpole.virtual.phasor_rig import CHANNELS
 from fourpole.virtual.plan import SERIES, Planned, with_inertia
-from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.truth import Statement, Truth
+from fourpole.virtual.recordings import F1_GAIN, V1_DELAY, Statement, Truth
 
 #: Length of the noise-free record from which the first harmonics are taken where there is friction [s].
 _DESCRIBED = 1.0

@@ -14,8 +14,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.models.chain import in_time
 from fourpole.models.interface import Model, StateSpace
 from fourpole.models.maxwell import GeneralisedMaxwell
-from fourpole.virtual.bench import Zener
-from fourpole.virtual.inertia import Belt, Rod
+from fourpole.virtual.bench import Belt, Rod, Zener
 
 #: Centre and half width of the pressures from 1.0 to 2.4 bar that the laws cover [Pa].
 _PRESSURE_MID, _PRESSURE_HALF = 170e3, 70e3

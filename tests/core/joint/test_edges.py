@@ -71,7 +71,7 @@ def shown_from(derivative):
     values.covariance_of = lambda *given: np.eye(6)[None]
     part = SimpleNamespace(impedance_by_shared=np.zeros((1, 1)))
     wide = SimpleNamespace(linearised=lambda *given: [(0, 0, part)])
-    parts = {"groups_of": lambda *given: [SimpleNamespace(parameters=one, largest=1e9)]}
+    parts = {"groups_of": lambda *given: [SimpleNamespace(parameters=one, largest=1e9, is_mode=False)]}
     parts |= {"widened": lambda *given: (wide, np.array([[derivative]]), np.zeros((1, 2, 1)))}
     parts |= {"_by_impedance": lambda *given: np.zeros((1, 1)), "_listed": lambda extra, units, *given: float(units[0])}
     parts |= {"_padded": lambda *given: None}
@@ -106,10 +106,19 @@ def as_large(size):
         return asking._possible(Group("a", shared().parameters, 1.0), problem, np.array([size]))
 
 
-def largest(_):
-    """The largest error of a stated mass of 15 kg."""
-    mass = SharedParameter(Source(Kind.RIG_VALUE, "moving_mass"), "kg", 0, 15.0, 0.1)
-    return next(asking._stated(SimpleNamespace(rig=RIG, parameters=(mass,))))[2]
+def largest(of):
+    """The largest error of a stated mass of the rig [kg], that of 15 kg, or one of 0.3 kg before the specimen."""
+    stated = {"moving_mass": 15.0, "input_mass": 0.3}[of]
+    mass = SharedParameter(Source(Kind.RIG_VALUE, of), "kg", 0, stated, 0.1)
+    with patch.object(asking, "wholes", return_value={"mass": 15.0, "input": 15.0}):
+        return next(asking._stated(None, SimpleNamespace(rig=RIG, parameters=(mass,))))[2]
+
+
+def contradicts(gives_way, index=1):
+    """Whether a frame contradicts the rig, by what it gives way over the preload spring; `support` is 0.3 %."""
+    problem = SimpleNamespace(shared=SimpleNamespace(rig=RIG), support=3e-3)
+    frame = SharedParameter(Source(Kind.UNSTATED, "frame"), "m/N", index, 0.0, 1.0)
+    return not reconcile._is_ordinary(problem, frame, gives_way / RIG.preload_stiffness)
 
 
 def found_scatter(scatter):
@@ -236,7 +245,23 @@ EDGES = {
         cost, {Kind.GAIN: 0.0, Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0, Kind.STEP: 5.0},
     ),
     "size of a group, twice its bound": (as_large, {1.98: True, 2.02: False, -1.98: True, -2.02: False}),
-    "error of a stated value, half of it": (largest, {"mass": 7.5}),
+    "error of a stated value, half of it, or a part that nobody stated": (
+        largest, {"moving_mass": 7.5, "input_mass": 4.5},
+    ),
+    "mode of a frame, 3 times what a support may give way": (contradicts, {0.0089: False, 0.0091: True}),
+    "frame without a mode": (lambda x: contradicts(x, 0), {0.001: True}),
+    "mode of a frame, 3 more in evidence": (
+        lambda index: Group(
+            "a", (SharedParameter(Source(Kind.UNSTATED, "frame"), "m/N", index, 0.0, 1.0),), 1.0
+        ).cost,
+        {0: 0.0, 1: 3.0},
+    ),
+    "modes of a frame, a tenth apart and up to twice beyond the tests": (
+        lambda count: asking._resonances(
+            SimpleNamespace(observed=SimpleNamespace(omega=2 * np.pi * np.linspace(5.0, 40.0, count)))
+        ).round(6)[[0, -1]].tolist() if count > 1 else 0,
+        {1: 0, 20: [2.5, 80.0]},
+    ),
     "scatter that is tried, 3 %": (found_scatter, {0.0297: 29.7, 0.0303: 30.0}),
     "trial that is followed, a tenth of the objective": (followed, {99.0: True, 101.0: False}),
     "trial that is followed, 40 for each test": (lambda x: followed(x, 5), {198.0: True, 202.0: False}),

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.model import FLOOR, Observed, inverse_upper, linearise, projected, upper_factor, whitened
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.sources import PARTS, Kind, Role, Source
+from fourpole.core.joint.unstated import sliding
+from fourpole.core.sources import PARTS, SHAPES, Kind, Role, Source
 
 EPS = np.finfo(float).eps
 #: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.
@@ -109,7 +110,7 @@ def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
     assert np.abs(by_mass - here.by_shared[:, :, 0]).max() < 1e-12 * np.abs(by_mass).max()
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", [part for part in PARTS if part not in SHAPES])
 def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     _, problem, z, stiffness = at_truth
     size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5, "input": 0.1}[part]
@@ -121,6 +122,42 @@ def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     found, column = (below.residual - above.residual) / (2 * STEP), here.by_shared[:, :, -1]
     assert np.abs(column).max() > 1
     assert np.abs(found - column).max() < STEP**2 * np.abs(column).max() + scale_of(here)
+
+
+@pytest.mark.parametrize(
+    ("part", "shapes"), [("frame", {"frame resonance": 20.0, "frame damping": 0.3}), ("friction", {"presliding": 1.0})]
+)
+def test_derivatives_by_the_shape_of_a_part(at_truth, part, shapes):
+    """A mode of a frame has a resonance, friction holds until it slides: both move Zr by the size of the part."""
+    _, problem, z, stiffness = at_truth
+    size = {"frame": 1e-5, "friction": 2.0}[part]
+    parts = {part: 0.0, **shapes}
+    listed = [
+        SharedParameter(Source(Kind.UNSTATED, one), PARTS[one], int(part == "frame"), of, size if one == part else 0.1)
+        for one, of in parts.items()
+    ]
+    shared = replace(problem.shared, parameters=(*problem.shared.parameters, *listed))
+    z = np.append(z, [1.0, *np.zeros(len(shapes))])
+    here = linearise(problem.observed, shared, z, stiffness)
+    for at in range(z.size - len(parts), z.size):
+        step = STEP * np.eye(z.size)[at]
+        above, below = (linearise(problem.observed, shared, z + side * step, stiffness) for side in (1, -1))
+        found, column = (above.impedance - below.impedance) / (2 * STEP), here.impedance_by_shared[:, at]
+        limit = 1e2 * STEP**2 * np.abs(column).max() + 1e3 * EPS * np.abs(here.impedance).max() / STEP
+        assert 0 < np.abs(found - column).max() < limit, shared.parameters[at].source
+
+
+@pytest.mark.parametrize("amplitude", [1e-3, 1.2e-4, 5e-5], ids=["slides", "slides little", "holds"])
+def test_friction_is_the_fundamental_of_an_element_that_slips(amplitude):
+    presliding, turn = 1e-4, np.linspace(0, 4 * np.pi, 8193)
+    motion, force = amplitude * np.cos(turn), [0.0]
+    for step in np.diff(motion):
+        force.append(float(np.clip(force[-1] + step / presliding, -1.0, 1.0)))
+    last = slice(4096, 8192)
+    phasor = 2 * np.mean(np.array(force)[last] * np.exp(-1j * turn[last]))
+    omega = np.array([50.0])
+    found, _ = sliding(omega, omega * amplitude, presliding)
+    assert abs(found[0] - phasor / (1j * omega[0] * amplitude)) < 1e-3 * abs(found[0])
 
 
 @pytest.mark.parametrize(("part", "size"), [("frame", 1e-5), ("loss", 0.2), ("spring", 2e3), ("friction", 5.0)])

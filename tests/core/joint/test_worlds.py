@@ -58,3 +58,18 @@ def test_one_cause_of_its_own_leaves_no_result_beyond_its_uncertainty(group):
     for seed in range(2):
         z, fits = solved(draw_world(np.random.default_rng([8, seed]), DESIGNS["tyre-one"], group, 10.0))
         assert not fits or np.abs(z).max() < 4, (seed, np.abs(z).max(axis=0))
+
+
+@pytest.mark.parametrize(("support", "fits"), [(3e-3, True), (0.0, False)], ids=["ordinary", "contradiction"])
+def test_a_frame_that_resonates_among_the_tests_is_found(support, fits):
+    """It gives way by 0.6 % of the spring, and by 25 times that at its resonance."""
+    world = draw_world(np.random.default_rng([9, 1]), DESIGNS["tyre-one"], "mode", 3.0)
+    joint = solve_joint(world.phasors, world.rig, world.k1, **world.keywords(), support=support)
+    sizes = joint.problem.shared.extra_at(joint.solution.z)
+    (resonance,) = (size for (part, _), size in sizes.items() if part == "frame resonance")
+    assert joint.misfit.fits == fits
+    assert fits or joint.misfit.candidates[0].form == "mode"
+    assert resonance == pytest.approx(np.median(world.phasors.frequency), rel=0.03)
+    found = identification(joint, world.phasors, world.k1, 0.0)
+    u = np.sqrt(found.stiffness_covariance[:, 0, 0])
+    assert np.all(np.abs(found.stiffness.real - world.stiffness.real) < 4 * u)

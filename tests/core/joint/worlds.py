@@ -19,7 +19,7 @@ ORDINARY = tuple(kind for kind in DYNAMIC if kind not in (Kind.GAIN, Kind.PHASE)
 #: Unit sizes of errors that are absent unless a world has them; of the channel's root mean square for cross-talk.
 ASKED = {
     "cross-talk": 1e-3, "gain drift": 2e-3, "loss": 5e-3, "frame": 5e-3, "mass": 1e-2, "input": 3e-3,
-    "amplitude": 5e-3, "scatter": 3e-4, "step of a gain": 1e-3, "step of K*": 1e-3, "one test": 1e-3,
+    "amplitude": 5e-3, "scatter": 3e-4, "step of a gain": 1e-3, "step of K*": 1e-3, "one test": 1e-3, "mode": 2e-3,
 }  # fmt: skip
 ENLARGED = {TABLE[kind].group: [one for one in DYNAMIC if TABLE[one].group == TABLE[kind].group] for kind in DYNAMIC}
 #: Groups of which a world can have one member at several times its size.
@@ -185,7 +185,7 @@ def _drawn(rng, sizes, specimens, masses):
 
 def _enlarge(rng, parts, asked, size, carriers):
     """Set one member of a group to `size` times its unit, within its bound; its name."""
-    sign = 1.0 if asked in ("loss", "frame", "mass", "input", "scatter") else float(rng.choice([-1.0, 1.0]))
+    sign = 1.0 if asked in ("loss", "frame", "mass", "input", "scatter", "mode") else float(rng.choice([-1.0, 1.0]))
     if asked in ASKED:
         parts[asked] = ASKED[asked] * size * sign
         return asked
@@ -213,7 +213,9 @@ def _tested(rng, design, parts, tests, moved, weight, after):
     pace = frequency / frequency.mean()
     steady = level * of_each[0] * pace**0.05 * (1 + 1j * loss * of_each[1] * pace**0.3) * np.exp(log_k)
     leaf = spring * moved[1] * (1 + 1j * parts["loss"]) + jw * parts[Kind.RIG_VALUE] * 2 * np.sqrt(mass * spring)
-    zr = jw * (mass * (moved[0] + parts["mass"]) + weight) + leaf / (1 + leaf * parts["frame"] / spring) / jw
+    turn = frequency / np.median(frequency)  # a frame may resonate in the middle of the tests
+    gives_way = (parts["frame"] + parts["mode"] / (1 - turn**2 + 0.04j * turn)) / spring
+    zr = jw * (mass * (moved[0] + parts["mass"]) + weight) + leaf / (1 + leaf * gives_way) / jw
     drive = 0.1 * rng.uniform(0.7, 1.4, count) * np.exp(2j * np.pi * rng.random(count))
     bent = np.zeros(count)
     for _ in range(30):  # K* depends on the deflection, which depends on K*

@@ -17,9 +17,8 @@ from fourpole.io import child as children
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
 from fourpole.io.formats import arrow, famos, hdf5, matlab, mdf, npz, parquet, tdms, uff, wav
-from fourpole.io.known import BEGINS
 from fourpole.io.look import ChannelSummary, look_at
-from fourpole.io.recordings import survey
+from fourpole.io.recordings import BEGINS, survey
 from fourpole.io.signals import FileInfo, Format, Request, SignalInfo
 
 pytestmark = pytest.mark.thorough

@@ -10,7 +10,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.famos import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request, Signal
 
 LIMIT = 10**9

@@ -12,7 +12,7 @@ import pytest
 from fourpole.errors import TableError
 from fourpole.io import child as children
 from fourpole.io.formats.hdf5 import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request
 
 h5py = pytest.importorskip("h5py")

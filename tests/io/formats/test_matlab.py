@@ -13,7 +13,7 @@ from scipy.io import savemat
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.matlab import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request
 
 Outcome = Callable[[Path, str], list[str]]

@@ -13,7 +13,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.mdf import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request
 
 with warnings.catch_warnings():

@@ -15,7 +15,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats import columnar, parquet
 from fourpole.io.formats.parquet import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request, Signal
 
 Outcome = Callable[[Path, str], list[str]]

@@ -10,7 +10,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io import rows as room
 from fourpole.io.formats.text import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request, Signal
 from fourpole.units import column_unit
 

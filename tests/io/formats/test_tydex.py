@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.tydex import FORMAT, read_tydex
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, meaning, write_tydex
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request
 
 NAN = float("nan")

@@ -12,7 +12,7 @@ from scipy.io import wavfile
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.wav import FORMAT
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import Request
 
 LIMIT = 10**9

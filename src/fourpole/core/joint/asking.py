@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,9 @@ _SMALLEST, _FACTORS = 0.3, 30
 _WORST = 3
 #: Rare errors need this much more evidence.
 _RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0, Kind.STEP: 5.0}
+#: Step of the logarithm of the resonances at which a mode of a frame is looked for, how far beyond the tests, as a
+#: factor, and the evidence that it needs: about the logarithm of their number.
+_STEP, _AROUND, _MODE = 0.1, 2.0, 3.0
 #: F1 in V1 acts as a compliance of the specimen does, and so does a fixture, for which rigid blocks alone ask.
 _ALIKE = Source(Kind.CROSSTALK, "F1 in V1")
 _SERIES = Source(Kind.FIXTURE, "V1")
@@ -82,9 +86,15 @@ class Group(ByValue):
         return all(parameter.source.role in (Role.SPECIMEN, Role.TEST) for parameter in self.parameters)
 
     @property
+    def is_mode(self) -> bool:
+        """Whether it is a mode of a frame, one of many that are possible."""
+        first = self.parameters[0]
+        return first.source.kind is Kind.UNSTATED and first.index > 0
+
+    @property
     def cost(self) -> float:
         """Evidence that it needs besides."""
-        return _RARE.get(self.parameters[0].source.kind, 0.0)
+        return _MODE if self.is_mode else _RARE.get(self.parameters[0].source.kind, 0.0)
 
 
 def _of_tests(kind: Kind, size: float, largest: float) -> Group:
@@ -114,7 +124,7 @@ class Trial(ByValue):
 def groups_of(problem: Problem, stated: Shared) -> list[Group]:
     """All groups that the tests of a problem may ask for; `stated` has the shared values as stated."""
     columns: dict[str, list[tuple[SharedParameter, float]]] = {}
-    for name, parameter, largest in chain(_stated(stated), _of_channels(problem, stated), _absent(problem, stated)):
+    for name, parameter, largest in chain(*(of(problem, stated) for of in (_stated, _of_channels, _absent))):
         columns.setdefault(name, []).append((parameter, largest / parameter.std))
     return [
         Group(name, tuple(parameter for parameter, _ in listed), max(min(most for _, most in listed), 1.0))
@@ -126,13 +136,16 @@ def groups_of(problem: Problem, stated: Shared) -> list[Group]:
 _Column = tuple[str, SharedParameter, float]
 
 
-def _stated(stated: Shared) -> Iterator[_Column]:
-    """The values of the rig and the masses."""
-    damping = component(Kind.UNSTATED).bound * stated.rig.critical_damping
+def _stated(problem: Problem, stated: Shared) -> Iterator[_Column]:
+    """The values of the rig, with parts that nobody stated and that act as they do, and the masses."""
+    bound = component(Kind.UNSTATED).bound
+    hidden = {TWINS[part].of: bound * whole for part, whole in wholes(problem).items() if part in TWINS}
+    hidden["preload_damping"] = bound * stated.rig.critical_damping
     for parameter in stated.parameters:
         if parameter.source.role in (Role.RIG, Role.MASS):
             largest = _LARGEST_SHARE * abs(parameter.stated) or np.inf
-            largest = damping if parameter.source.of == "preload_damping" else largest
+            if (part := hidden.get(parameter.source.of)) is not None:
+                largest = max(part, _LARGEST_SHARE * abs(parameter.stated))
             yield parameter.source.text, parameter, max(largest, parameter.std)
 
 
@@ -163,6 +176,21 @@ def _absent(problem: Problem, stated: Shared) -> Iterator[_Column]:
         source, bound = Source(Kind.UNSTATED, part), component(Kind.UNSTATED).bound * whole
         if TWINS.get(part) not in has:
             yield source.text, SharedParameter(source, PARTS[part], 0, 0.0, BEGINS * bound), bound
+    for index, frequency in enumerate(_resonances(problem), 1):
+        bound = component(Kind.UNSTATED).bound / problem.shared.rig.preload_stiffness
+        sizes = {"frame": (0.0, BEGINS * bound), "frame resonance": (frequency, _STEP * frequency),
+                 "frame damping": (0.0, 1.0)}  # fmt: skip
+        for part, (centre, std) in sizes.items():
+            source = Source(Kind.UNSTATED, part)
+            largest = np.inf if source.is_shape else bound
+            yield f"frame at {frequency:g} Hz", SharedParameter(source, PARTS[part], index, centre, std), largest
+
+
+def _resonances(problem: Problem) -> FloatArray:
+    """Frequencies [Hz] at which a mode of a frame may be."""
+    frequency = problem.observed.omega / (2 * np.pi)
+    low, high = float(frequency.min()) / _AROUND, float(frequency.max()) * _AROUND
+    return np.geomspace(low, high, round(np.log(high / low) / _STEP) + 1) if frequency.size > 1 else np.array([])
 
 
 def _row(source: Source) -> Component:
@@ -187,7 +215,7 @@ def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tupl
     listed, z = list(problem.shared.parameters), z.copy()
     places = {parameter.key: place for place, parameter in enumerate(listed)}
     for parameter in group.parameters:
-        place, std = places.get(parameter.key), factor * parameter.std
+        place, std = places.get(parameter.key), parameter.std * (1.0 if parameter.source.is_shape else factor)
         if place is None:
             listed.append(replace(parameter, std=std))
             z = np.append(z, 0.0)
@@ -227,7 +255,11 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
         gain, factor = gain_of(columns, target, group)
         if gain > (0.0 if problem.scatter else GAIN - _ALMOST):
             gains.append((gain, group, factor))
-    yield from sorted(gains, key=lambda row: -row[0])
+    best: dict[Any, tuple[float, Group, float]] = {}
+    for row in sorted(gains, key=lambda row: -row[0]):
+        first = row[1].parameters[0]
+        best.setdefault(first.source if first.source.kind is Kind.UNSTATED else first.key, row)
+    yield from best.values()
 
 
 def widened(
@@ -332,7 +364,7 @@ def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
     """Whether a group is no larger than it can be, no part of a rig but its mass is negative, and the group matters."""
     shared = problem.shared
     sizes = dict(zip((row.key for row in shared.parameters), z * shared.std, strict=True))
-    own = [(sizes.get(row.key, 0.0), row) for row in group.parameters]
+    own = [(sizes.get(row.key, 0.0), row) for row in group.parameters if not row.source.is_shape]
     if group.parameters[0].source.role is Role.TEST:
         return True
     return (

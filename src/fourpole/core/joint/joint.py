@@ -22,10 +22,11 @@ from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import PARTS_OF_RUN, STEPS, Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.specimens import Misfit
+from fourpole.core.joint.unstated import PRESLIDING_STD
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
-from fourpole.core.sources import Kind, Source
+from fourpole.core.sources import PARTS, Kind, Source
 from fourpole.core.specimen import Body
 from fourpole.errors import RigError
 
@@ -148,8 +149,9 @@ def solve_joint(
     stated = Shared.stated(rig, errors, masses, masses_std)
     possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
     if friction:
-        source = Source(Kind.UNSTATED, "friction")
-        stated = replace(stated, parameters=(*stated.parameters, SharedParameter(source, "N", 0, 0.0, friction)))
+        parts = {"friction": friction, "presliding": PRESLIDING_STD}
+        listed = (SharedParameter(Source(Kind.UNSTATED, of), PARTS[of], 0, 0.0, std) for of, std in parts.items())
+        stated = replace(stated, parameters=(*stated.parameters, *listed))
     stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
     sorted_phasors = phasors.part(order)
     observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)
@@ -169,6 +171,7 @@ def solve_joint(
         tuple(possible),
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
         lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
+        support=support,
     )
     supported = support * rig.preload_stiffness / observed.omega
     problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
@@ -248,7 +251,8 @@ def _reconciled(
         problem = problem.widened(problem.columns("by_impedance", as_stated, start) * support[:, None, None])
     massless = _massless(problem, start)
     stated = any(body.mass_std > 0 for body in bodies.values())
-    if not stated and _is_enough(massless, bodies):
+    gross = any(cause.form in UNITS_AND_SIGNS for cause in massless[3].candidates)  # no mass looks like these
+    if gross or (not stated and _is_enough(massless, bodies)):
         return massless
     few = problem.thinned(_MANY)
     if few is not problem and not stated:
@@ -294,7 +298,7 @@ def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
     """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
     problem, solution, outlier, misfit = found
     asked = misfit.specimens or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
-    if not problem.conditions.count or any(cause.form in UNITS_AND_SIGNS for cause in misfit.candidates):
+    if not problem.conditions.count:
         return True
     if not misfit.fits or asked or misfit.scatter > _SCATTERS:
         return False

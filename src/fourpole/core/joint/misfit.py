@@ -167,11 +167,17 @@ class Candidate:
 def cause_of(parameters: Sequence[SharedParameter], sizes: FloatArray, std: FloatArray) -> Candidate:
     """A group of components as a cause: their sizes as found (k,) and standard uncertainties (k,), each in its unit."""
     first = parameters[0]
-    if len(parameters) > 1 or first.source.kind in (*DRIFTS, *BLOCKS) or first.source.role is Role.MOUNTING:
-        return _described_group(parameters, sizes, std)
     size, source = float(sizes[0]), first.source
+    if source.kind is not Kind.UNSTATED and (
+        len(parameters) > 1 or source.kind in (*DRIFTS, *BLOCKS) or source.role is Role.MOUNTING
+    ):
+        return _described_group(parameters, sizes, std)
     if source.kind is Kind.UNSTATED:
         cause = _described_part(source, size)
+        if len(parameters) > 1:
+            cause = replace(
+                cause, form="mode", values={**cause.values, "hertz": parameters[1].stated + float(sizes[1])}
+            )
         return replace(cause, std=abs(cause.value / size) * float(std[0]) if size else 0.0)
     if source.role in (Role.RIG, Role.MASS):
         shown = first.unit if first.unit != "1" else ""

@@ -20,8 +20,8 @@ from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, inverse_of_two
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
+from fourpole.core.joint.unstated import unstated_parts
 from fourpole.core.phasor import Phasors
-from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role
 from fourpole.core.specimen import Ends, ends_of, massless
 
@@ -306,11 +306,11 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     impedance = np.asarray(rig.impedance(observed.omega, added))
     extra = shared.extra_at(z)
     if extra:
-        shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
-        impedance = impedance + sum(value * shapes[part] for part, value in extra.items() if part in shapes)
+        speed = np.abs(observed.amplitudes[:, 2])
+        impedance = impedance + unstated_parts(observed.omega, rig, speed, observed.rigid, extra)[0]
     ends = observed.ends(shared, z, stiffness)
     spring, beyond = ends.spring, impedance + np.where(observed.rigid, 0.0, jw * ends.wheel)
-    input_mass = rig.input_mass + extra.get("input", 0.0) + np.where(observed.rigid, 0.0, ends.contact)
+    input_mass = rig.input_mass + extra.get(("input", 0), 0.0) + np.where(observed.rigid, 0.0, ends.contact)
     ratio = np.where(observed.rigid, 1.0, spring / (spring + jw * beyond))
     by_zr = np.where(observed.rigid, 0.0, -jw * spring / (spring + jw * beyond) ** 2)
 
@@ -353,41 +353,12 @@ def _by_ends(
     return _three(beyond * of_spring + ratio**2 * wheel + 1j * omega * contact, 0.0, of_spring + by_zr * wheel)
 
 
-def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray) -> dict[str, ComplexArray]:
-    """Derivative of Zr by each of `core.sources.PARTS` that is a part of Zr, (N,) each.
-
-    Parameters
-    ----------
-    omega : (N,) float array [rad/s]
-    rig : Rig
-    speed : (N,) float array [m/s]
-        Amplitude of V2, on which dry friction depends; 0 if unknown, and then the derivative is 0.
-    rigid : (N,) bool array
-        True for a rigid block in place of the tyre, which has no mass of a tyre.
-    """
-    support = _support(omega, rig)
-    dry = np.divide(4 / np.pi, speed, out=np.zeros(omega.size), where=speed > 0)
-    return {
-        "mass": np.where(rigid, 0.0, 1j * omega),
-        "spring": 1 / (1j * omega),
-        "frame": -1j * omega * support**2,
-        "loss": rig.preload_stiffness / omega + 0j,
-        "friction": dry + 0j,
-    }
-
-
-def _support(omega: FloatArray, rig: Rig) -> ComplexArray:
-    """Impedance (N,) [N s/m] of spring, damper and frame: Zr without its masses."""
-    return np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
-
-
 def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> ComplexArray:
     """Derivatives of Zr by z (N, p) [N s/m]."""
     rig, extra = shared.rig_at(z), shared.extra_at(z)
     gradient = rig.impedance_gradient(observed.omega)
-    shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
-    support = _support(observed.omega, rig)
-    through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
+    speed = np.abs(observed.amplitudes[:, 2])
+    _, by_part, through_frame = unstated_parts(observed.omega, rig, speed, observed.rigid, extra)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for place, index in shared.of_role(Role.RIG):
         of = shared.parameters[place].source.of
@@ -395,11 +366,11 @@ def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> C
         if of in _SUPPORT:
             change[:, place] *= through_frame
         if of == "preload_stiffness":
-            change[:, place] += extra.get("loss", 0.0) / observed.omega
+            change[:, place] += extra.get(("loss", 0), 0.0) / observed.omega
         if of == "tyre_mass":
             change[observed.rigid, place] = 0.0
-    for place, _ in shared.of_role(Role.UNSTATED):
-        change[:, place] = shapes.get(shared.parameters[place].source.of, 0.0)
+    for place, index in shared.of_role(Role.UNSTATED):
+        change[:, place] = by_part.get((shared.parameters[place].source.of, index), 0.0)
     for place, index in shared.of_role(Role.MASS):
         change[:, place] = np.where(observed.mass_at == index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)

@@ -29,11 +29,11 @@ from fourpole.core.joint.asking import (
 from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_of, is_unlikely, largest_part, residuals
 from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
-from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
 from fourpole.core.phasor import SYMBOLS
-from fourpole.core.sources import Kind, Role
+from fourpole.core.sources import Kind, Role, Source
 
 #: A group of the rig or of a sensor contradicts its statement if it is larger than this many standard uncertainties.
 _CONFLICT = 3.0
@@ -238,12 +238,23 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
         and parameters[index].std > parameter.std
         and abs(sizes[index]) > _CONFLICT * parameter.std
     )
-    added = [row.source for row, size in zip(parameters[known:], sizes[known:], strict=True)
-             if row.source.role is not Role.SPECIMEN and not is_negligible(state.problem, row, size)]  # fmt: skip
+    added = [
+        row.source
+        for row, size in zip(parameters[known:], sizes[known:], strict=True)
+        if not (row.source.role is Role.SPECIMEN or row.source.is_shape)
+        and not (is_negligible(state.problem, row, size) or _is_ordinary(state.problem, row, size))
+    ]
     std = np.append(stated.std, np.zeros(len(parameters) - known))
     specimens = [row.source for row, before in zip(parameters, std, strict=True)
                  if row.source.role is Role.SPECIMEN and row.std > before]  # fmt: skip
     return {"conflicts": conflicts, "added": tuple(added), "specimens": tuple(specimens)}
+
+
+def _is_ordinary(problem: Problem, parameter: SharedParameter, size: float) -> bool:
+    """Whether it is a mode of a frame that gives way, far below its resonance, by no more than a support may."""
+    gives_way = abs(size) * problem.shared.rig.preload_stiffness
+    mode = parameter.source == Source(Kind.UNSTATED, "frame") and parameter.index > 0
+    return mode and gives_way < _CONFLICT * problem.support
 
 
 def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]]) -> Misfit:
@@ -252,8 +263,15 @@ def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]])
     at_fault = bool(misfit.conflicts or misfit.added)
     white = not is_unlikely(chi2, dof) and misfit.inflation < NOISE_IN_DOUBT
     if white or chi2 - dof < _LITTLE * (misfit.chi2 - misfit.dof):
-        named = causes if at_fault else [[]]
-        misfit = replace(misfit, fits=not at_fault, candidates=tuple(chain(*named)), tied=len(named[0]))
+        contradicted = {state.problem.shared.parameters[index].source for index in misfit.conflicts} | {*misfit.added}
+        named = list(chain(*causes)) if at_fault else []
+        kept = [cause for cause in named if cause.source in contradicted]  # others are small beside these
+        misfit = replace(
+            misfit,
+            fits=not at_fault,
+            candidates=(*kept, *(cause for cause in named if cause not in kept)),
+            tied=len(kept) or (len(causes[0]) if named else 0),
+        )
     else:
         misfit = replace(misfit, conflicts=(), added=())
     if white:

@@ -207,12 +207,12 @@ class Shared(ByValue):
             self._add(into, kind, BELTS[kind][0], values)
         return mass, share, exponent
 
-    def extra_at(self, z: FloatArray) -> dict[str, float]:
-        """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
-        sizes: dict[str, float] = {}
-        values = z * self.std
-        for place, _ in self.of_kind(Kind.UNSTATED):
-            part = self.parameters[place].source.of
+    def extra_at(self, z: FloatArray) -> dict[tuple[str, int], float]:
+        """Sizes of the unstated parts at z, by name and index, in the units of `core.sources.PARTS`."""
+        sizes: dict[tuple[str, int], float] = {}
+        values = self.stated_values + z * self.std
+        for place, index in self.of_kind(Kind.UNSTATED):
+            part = self.parameters[place].source.of, index
             sizes[part] = sizes.get(part, 0.0) + float(values[place])
         return sizes
 

@@ -60,6 +60,8 @@ class Problem(ByValue):
         The same for each test, because its temperature is not the mean of its condition; by default 0.
     lines : (N,) float array [1], optional
         Number of lines of the recording that a test is one of; by default 1.
+    support : float [1]
+        Standard uncertainty of what frame and foundation add to the preload spring, over it.
     """
 
     observed: Observed
@@ -71,6 +73,7 @@ class Problem(ByValue):
     scatter: float = 0.0
     apart: FloatArray | None = None
     lines: FloatArray | None = None
+    support: float = 0.0
     _kept: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property

@@ -66,7 +66,7 @@ def unseen(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
     """
     problem, solution = joint.problem, joint.solution
     tests = np.flatnonzero(np.isfinite(values.value[:, :2]).all(axis=1))
-    parameters = [(row, group.largest * row.std) for group in groups_of(problem, joint.stated)
+    parameters = [(row, group.largest * row.std) for group in groups_of(problem, joint.stated) if not group.is_mode
                   for row in group.parameters if row.source.role is not Role.SPECIMEN]  # fmt: skip
     if not tests.size or not joint.stated.parameters:  # where all is exact, nothing can be unseen
         return ()

@@ -9,19 +9,22 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.spectra.average import CrossSpectra, cross_spectra, independent, of_sine
-from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, to_true
-from fourpole.core.spectra.motion import Fine, fine_spectrum
-from fourpole.core.spectra.ratios import (
+from fourpole.core.spectra.average import (
     CLOSURE,
     OF_V1,
     OF_V2,
+    CrossSpectra,
     correlations_of,
+    cross_spectra,
+    independent,
+    of_sine,
     ratios,
     with_bend,
     with_bias,
     with_instrument,
 )
+from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, to_true
+from fourpole.core.spectra.motion import Fine, fine_spectrum
 from fourpole.errors import RecordingError
 
 #: Places of F1, V1 and V2 in a matrix of all channels; without F1, V2 takes its place.

@@ -14,8 +14,7 @@ from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, DRIVE, Channel, Recording
-from fourpole.core.spectra.average import CrossSpectra
-from fourpole.core.spectra.ratios import Ratios
+from fourpole.core.spectra.average import CrossSpectra, Ratios
 from fourpole.errors import ConstantError, RecordingError
 
 #: Channels of the spectra in their order, and the pairs whose coherence is shown.

@@ -14,11 +14,10 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.phasor import circular_covariance
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.spectra.average import CrossSpectra
+from fourpole.core.spectra.average import CrossSpectra, Ratios, with_bias
 from fourpole.core.spectra.averaged import periodic_amplitudes
 from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, prepared, to_true
 from fourpole.core.spectra.motion import period_of
-from fourpole.core.spectra.ratios import Ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
 #: Powers of the frequency by which a ratio, and the transient, change over a band.

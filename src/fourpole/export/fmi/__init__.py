@@ -14,18 +14,24 @@ from pathlib import Path
 
 from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
-from fourpole.export.fmi.csource import NoBinaryError, binary_place, common_source, compiled, model_source
-from fourpole.export.fmi.description import Model, build_description, model_description
-from fourpole.export.fmi.variables import Draw, Point, draws_in, is_belted
+from fourpole.export.fmi.description import (
+    Model,
+    NoBinaryError,
+    binary_place,
+    build_description,
+    common_source,
+    compiled,
+    model_description,
+    model_source,
+)
+from fourpole.export.fmi.variables import COUNT, Draw, Point, alike, drawn_systems, draws_in, is_belted
 from fourpole.export.source import identifiers
 from fourpole.export.systems import Points, System, belt_words, systems_of
 from fourpole.fitting.accuracy import Accuracy
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel
 from fourpole.io.write import write_bytes
-from fourpole.models.belted import belt_modes, weight
-from fourpole.models.draws import COUNT, alike, drawn_systems
-from fourpole.models.realised import Realised
+from fourpole.models.realised import Realised, belt_modes, weight
 from fourpole.version import VERSION
 
 #: Largest number of operating points of an FMU.

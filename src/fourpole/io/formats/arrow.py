@@ -15,7 +15,7 @@ from typing import BinaryIO
 from fourpole.errors import TableError
 from fourpole.io.formats.columnar import arrow_schema, caught, columns, stated_units
 from fourpole.io.formats.tracks import Content, OpenFile, track_format
-from fourpole.io.known import LONGEST_SCHEMA
+from fourpole.io.recordings import LONGEST_SCHEMA
 
 _KIND = "an Arrow file"
 _FILE, _OLD = b"ARROW1", b"FEA1"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats.guard import afford, find, guard, guarded, need, tidy, time_scale
-from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo, Words
 from fourpole.io.source import name_of
 from fourpole.units import shown

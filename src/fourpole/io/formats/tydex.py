@@ -26,9 +26,9 @@ from fourpole.io.formats.tydex_file import (
     number_of,
     physical,
 )
-from fourpole.io.known import BEGINS
 from fourpole.io.layout import is_missing, plain_numbers, split_lines
 from fourpole.io.names import numbered
+from fourpole.io.recordings import BEGINS
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import AnyPath, decode, name_of
 from fourpole.units import shown

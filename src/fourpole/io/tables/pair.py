@@ -1,19 +1,30 @@
-"""Two quantities from a table of any format: a load-deflection curve, or a road profile."""
+"""Two quantities from a table of any format: a load-deflection curve, a road profile, relaxation or creep.
+
+Roads of OpenCRG are read by PyOpenCRG where it is installed.
+"""
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.errors import TableError
-from fourpole.io.crg import read_crg
-from fourpole.io.source import AnyPath
-from fourpole.io.tables.cells import Cells
+from fourpole.errors import FileError, TableError
+from fourpole.io.child import Died, answer_of
+from fourpole.io.door import open_regular
+from fourpole.io.formats import uff
+from fourpole.io.packed import pack, unpack
+from fourpole.io.recordings import format_of
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import AnyPath, name_of
+from fourpole.io.tables.cells import Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
     Taken,
@@ -25,11 +36,77 @@ from fourpole.io.tables.columns import (
     taken,
     unread,
 )
+from fourpole.io.tables.forms import Form
+from fourpole.io.tables.kstar import NO_SHAPE, TableOptions, factor_of, further_of
 from fourpole.io.tables.labels import labelled, measured, one_label
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
 from fourpole.words import vocabulary
 from fourpole.words.heads import words_of
+
+#: Largest file [byte], and largest number of points along a road.
+_LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000
+#: Most warnings of the reader that are passed on.
+_MOST_WARNINGS = 5
+
+
+def read_crg(path: AnyPath, label: str | None = None) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Distance and height (N,) [m] along the reference line of a road, and what its reader warns of.
+
+    A height is not-a-number where the road has a hole.
+
+    The file is read in a worker process, as every file that a library reads.
+    """
+    name = name_of(path, label)
+    open_regular(path, max_bytes=_LARGEST, label=label).close()
+    if find_spec("pyopencrg") is None:
+        raise FileError(
+            f"{name}: OpenCRG is read by PyOpenCRG: pip install PyOpenCRG, or write the road as a table with the "
+            "columns 'distance [m]' and 'height [m]'"
+        )
+    place = Path(path).absolute()
+    try:
+        answer = answer_of(along_line, place, name, size=place.stat().st_size)
+    except Died as death:
+        raise FileError(f"{name} {death}; {death.remedy}") from None
+    distance, height, warned = unpack(bytearray(answer))
+    return distance, height, warned
+
+
+def along_line(path: Path, name: str) -> bytes:
+    """The packed distance and height along the reference line of a road, and what its reader warns of."""
+    import pyopencrg
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            road = pyopencrg.read(os.fspath(path), check=False)  # a ride refuses holes itself, with their place
+        grid, across = np.asarray(road.z, dtype=float), np.asarray(road.v, dtype=float)
+        distance = np.asarray(road.u, dtype=float)
+        line = np.asarray(road.zr, dtype=float) if road.zr is not None else np.zeros(distance.size)
+        damage = [str(one) for one in road.read_errors]
+        warned = [f"{name}: {one}" for one in road.read_warnings[:_MOST_WARNINGS]]
+    except Exception as error:  # noqa: BLE001 - whatever a library of others raises about a file is the file's fault
+        said = str(error).removeprefix(f"{path}: ")
+        raise TableError(f"{name}: is no road of OpenCRG that can be read ({type(error).__name__}: {said})") from None
+    if damage:
+        raise TableError(f"{name}: is damaged ({damage[0]}): copy or export it again")
+    if distance.ndim != 1 or grid.shape != (distance.size, across.size) or not 2 <= distance.size <= _MOST_POINTS:
+        raise TableError(f"{name}: has a grid of {grid.shape} heights for {distance.size} distances")
+    return pack((distance, _at_zero(across, grid) + line, warned))
+
+
+def _at_zero(across: FloatArray, grid: FloatArray) -> FloatArray:
+    """Heights (N,) [m] at the reference line from those (N, V) at lateral positions (V,) [m]."""
+    if across.size == 1:
+        return grid[:, 0]
+    right = int(np.clip(np.searchsorted(across, 0.0), 1, across.size - 1))
+    left = right - 1
+    part = float(np.clip(-across[left] / (across[right] - across[left]), 0.0, 1.0))
+    if part in (0.0, 1.0):  # a hole beside the line is none of the line
+        return grid[:, right if part else left]
+    return np.asarray((1 - part) * grid[:, left] + part * grid[:, right])
+
 
 #: Roles that may stand in for another; how far its least value goes beyond its largest if a load has the other sign.
 _INSTEAD, _MOSTLY = {"deflection": "radius"}, 2.0
@@ -211,3 +288,111 @@ def _oriented(first: Taken, second: Taken) -> tuple[FloatArray, FloatArray, list
         x = np.nanmax(x) - x if first.role == "radius" else -x
         remarks.append(f"column {shown(first.column.name)} falls with the load: the deflection is its fall")
     return x, load, remarks
+
+
+_QUANTITIES = ("relaxation", "compliance")
+_STD = {one: f"u({one})" for one in _QUANTITIES}
+_ROLES = ("frequency", "time", *_QUANTITIES, *_STD.values(), "temperature", "pressure", "preload", "tyre")
+
+
+@dataclass(frozen=True, eq=False)
+class TimeTable(ByValue):
+    """A table of relaxation or creep.
+
+    Attributes
+    ----------
+    time : (N,) float [s]
+    values : (N,) float [N/m] or [m/N]
+        K(t), or J(t) if `creep`.
+    std : (N,) float or None
+        Their standard uncertainty; None if no column states it.
+    creep : bool
+    understood, warnings : list of str
+        Sentences on how the columns were read, and on what cannot be used.
+    further : polars.DataFrame
+        Conditions in SI by the heads of result tables, and the columns of no known role.
+    """
+
+    time: FloatArray
+    values: FloatArray
+    std: FloatArray | None
+    creep: bool
+    understood: list[str]
+    warnings: list[str]
+    further: pl.DataFrame = field(default_factory=pl.DataFrame)
+
+
+def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTable | None:
+    r"""Read a table of relaxation or creep of any format; None for a table that is none.
+
+    Such a table has a column of time, one of K(t), E(t), G(t) or J(t), and none of frequency.
+
+    Parameters
+    ----------
+    path : path
+        A file of any format that recordings have.
+    options : TableOptions, optional
+        What the file does not say, as for a table of K*.
+
+    Raises
+    ------
+    FileError, TableError
+        If there is no such file, a column has no unit, two columns differ, or a modulus has no shape.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "relaxation.csv")
+    ...     _ = file.write_text("time [s],K(t) [N/mm]\n1,200\n10,180\n")
+    ...     print(read_over_time(file).values.tolist())
+    [200000.0, 180000.0]
+    """
+    options = TableOptions() if options is None else options
+    stated = statements(options.columns)
+    if any(one.role not in _ROLES for one in stated):
+        return None
+    try:
+        tables = [] if _is_uff(path) else tables_in(Path(path), group=options.group)
+    except TableError:  # whoever reads it as a table of K* says what is wrong
+        return None
+    for cells in map(measured, tables):
+        found = taken(cells, stated, _ROLES)
+        roles = {one.role for one in found}
+        if "frequency" not in roles and "time" in roles and roles & set(_QUANTITIES):
+            return _over_time(cells, found, stated, options)
+    return None
+
+
+def _is_uff(path: AnyPath) -> bool:
+    return format_of(Path(path), max_bytes=MAX_FILE_BYTES, label=None) is uff.FORMAT
+
+
+def _over_time(cells: Cells, found: list[Taken], stated: list[Statement], options: TableOptions) -> TimeTable:
+    both = [role for role in _QUANTITIES if any(one.role == role for one in found)]
+    named = [role for role in both if any(one.role == role for one in stated)]
+    if len(named or both) > 1:
+        raise TableError(f'{cells.where}: holds relaxation and creep; name one, as in --column "relaxation=E(t)"')
+    role = (named or both)[0]
+    column, time = (chosen(cells, [one for one in found if one.role == wanted]) for wanted in (role, "time"))
+    spread = [one for one in found if one.role == _STD[role]]
+    used = [time, column, *([chosen(cells, spread)] if spread else [])]
+    check_units(cells, used)
+    said, factor = said_of(cells, used), 1.0
+    if column.kind in ("pressure", "compliance"):
+        form = Form({role: column}, column.letter or "M")
+        if options.factor is None and options.shape is None:
+            raise TableError(f"{cells.where}: {ROLES[role].says} is of the material: {NO_SHAPE}")
+        factor, text = factor_of(cells, form, options)
+        said.append(text)
+    factor = 1 / factor if role == "compliance" else factor
+    further, kept, notes = further_of(cells, [one for one in found if one.role != "time"], used, factor)
+    return TimeTable(
+        time=time.si,
+        values=factor * column.si,
+        std=factor * used[2].si if spread else None,
+        creep=role == "compliance",
+        understood=[*said, *map(str, kept)],
+        warnings=[*cells.remarks, *bad_cells(cells, used), *notes],
+        further=further,
+    )

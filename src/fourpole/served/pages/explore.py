@@ -28,9 +28,7 @@ from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
 from fourpole.report.compared import compared_parts
-from fourpole.served.figures import LinkedFigure, drawn, figure_of, values_of
-from fourpole.served.held import Shown
-from fourpole.served.site import Site, attachment
+from fourpole.served.site import LinkedFigure, Shown, Site, attachment, drawn, figure_of, values_of
 from fourpole.served.workspace import Place
 from fourpole.study.study import Study
 from fourpole.units import quantity

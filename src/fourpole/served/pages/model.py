@@ -15,9 +15,7 @@ from fourpole.models.families import FAMILIES
 from fourpole.models.operating import Purpose
 from fourpole.report.cards import embedded
 from fourpole.served.answers import Source, answer, sources
-from fourpole.served.figures import LinkedFigure, figure_of
-from fourpole.served.held import Shown
-from fourpole.served.site import Site
+from fourpole.served.site import LinkedFigure, Shown, Site, figure_of
 from fourpole.served.workspace import Place
 
 #: Figures of models and maps, in the order of the page.

@@ -21,8 +21,7 @@ from fourpole.plot.layout import TITLES, command_figure
 from fourpole.plot.plan import draw_plan
 from fourpole.report.page import ReportFigure
 from fourpole.report.words.plan import advice_in_words, expected_tables
-from fourpole.served.held import Latest
-from fourpole.served.site import Site, attachment
+from fourpole.served.site import Latest, Site, attachment
 from fourpole.served.workspace import Place, state_of, version_of
 from fourpole.units import quantity
 from fourpole.words import package_toml

@@ -25,9 +25,8 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.remote import is_elsewhere
 from fourpole.report.cards import embedded
 from fourpole.served.editing import EXCLUDED, exclude, read_statement
-from fourpole.served.held import Shown
 from fourpole.served.signals import Kept, Wanted, part_of
-from fourpole.served.site import Site, body_of
+from fourpole.served.site import Shown, Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.recording import read_recording, residual_spectrum
 from fourpole.words import template

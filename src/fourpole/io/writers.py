@@ -1,18 +1,29 @@
-"""The input of a writer: groups of channels, then blocks of samples; and its remarks on what is not kept."""
+"""Writers of recordings: groups of channels, then blocks of samples, and remarks on what is not kept.
+
+ASAM MDF 4.10 has a channel group per time base, whose master has the times. CSV and Parquet have a column of times,
+names with their units in brackets, and numbers with all their digits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+import datetime as dt
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
+from fourpole.io.formats.guard import need
 from fourpole.units import column_unit
+
+if TYPE_CHECKING:
+    import polars as pl
+
 
 FloatArray = NDArray[np.float64]
 
@@ -175,3 +186,100 @@ def check_timed(groups: Sequence[Group], path: Path, name: str) -> None:
     for group in groups:
         if not group.timed:
             raise TableError(f"{path.name}: {name} needs times, and these have none: {group.words}; write .csv")
+
+
+_MDF_FILE = "an ASAM MDF file"
+
+
+@contextmanager
+def _open_mdf(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
+    asammdf = need("asammdf", path.name, _MDF_FILE)
+    check_timed(groups, path, "MDF")
+    for group in groups:
+        names = [channel.name for channel in group.channels]
+        remarks.renamed(names, distinct(names, [time_name(group.channels)]))
+    named = [group.name[:60] for group in groups]
+    if len(groups) > 1:
+        named = [name or "recording" for name in named]
+    names = distinct(named)
+    remarks.renamed(named, names)
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.header.start_time = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)  # the date of the recording is not known
+        mdf.header.comment = "\n".join(remarks.notes)
+        places: dict[int, int] = {}
+
+        def add(number: int, block: Block) -> None:
+            group = groups[number]
+            times = np.ascontiguousarray(block.times(group))
+            if number in places:
+                parts = [(np.ascontiguousarray(part), None) for part in (times, *block.columns)]
+                mdf.extend(places[number], parts)
+                return
+            master = (time_name(group.channels), 1)
+            places[number] = len(mdf.groups)
+            called = distinct([channel.name for channel in group.channels], [master[0]])
+            signals = [
+                asammdf.Signal(
+                    samples, times, unit=channel.unit or "", name=name, comment=channel.note, master_metadata=master
+                )
+                for name, channel, samples in zip(called, group.channels, block.columns, strict=True)
+            ]
+            mdf.append(signals, acq_name=names[number] or None, common_timebase=True)
+
+        yield add
+        mdf.save(path.with_suffix(".mf4"), overwrite=True)
+    path.with_suffix(".mf4").rename(path)
+
+
+MDF = Writer("mf4", "ASAM MDF 4.10", (".mf4",), False, _open_mdf)
+
+
+def _heads(group: Group, remarks: Remarks) -> list[str]:
+    """The heads of a table's columns; the first is that of the times, if they are known."""
+    remarks.no_notes(group.channels)
+    heads = [titled(channel) for channel in group.channels]
+    found = distinct(heads)
+    remarks.renamed(heads, found)
+    return [f"{time_name(group.channels)} [s]", *found] if group.timed else found
+
+
+def _frame(heads: Sequence[str], block: Block, group: Group) -> pl.DataFrame:
+    import polars as pl
+
+    return pl.DataFrame(dict(zip(heads, block.table(group), strict=True)))
+
+
+@contextmanager
+def _open_csv(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
+    heads = _heads(groups[0], remarks)
+    with path.open("wb") as file:
+
+        def add(_number: int, block: Block) -> None:
+            frame = _frame(heads, block, groups[0]).fill_nan(None)
+            frame.write_csv(file, include_header=block.first == 0)
+
+        yield add
+
+
+@contextmanager
+def _open_parquet(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
+    """Each block goes to a file of its own, and the files are joined at the end: polars cannot append to a file."""
+    import polars as pl
+
+    heads = _heads(groups[0], remarks)
+    parts: list[Path] = []
+
+    def add(_number: int, block: Block) -> None:
+        part = path.with_name(f"{path.name}.{len(parts)}")
+        _frame(heads, block, groups[0]).write_parquet(part)
+        parts.append(part)
+
+    yield add
+    if len(parts) == 1:
+        parts[0].rename(path)
+    elif parts:
+        pl.scan_parquet(parts, glob=False).sink_parquet(path, maintain_order=True)
+
+
+CSV = Writer("csv", "CSV", (".csv",), True, _open_csv)
+PARQUET = Writer("parquet", "Parquet", (".parquet", ".pq"), True, _open_parquet)

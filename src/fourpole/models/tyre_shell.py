@@ -1,5 +1,0 @@
-"""The former place of `fourpole.paper1982.shell`."""
-
-from fourpole.face import moved_to
-
-__getattr__ = moved_to("fourpole.paper1982.shell")
