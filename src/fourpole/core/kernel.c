@@ -1,5 +1,5 @@
-/* What kernel.py hands over: plain decimals of a table of text, and the fit of sines to a track. The same as in numpy,
-   which remains where there is no compiler, and wherever a function here says so. C99, without Python.h.
+/* What kernel.py hands over: decimals of a table of text, and the fit of sines to a track. The same as in numpy, which
+   remains where there is no compiler, and wherever a function here says so. C99, without Python.h.
    Arrays are contiguous, of double, of complex double, or of int64_t; kernel.py sees to that. */
 
 #include <complex.h>
@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #if FLT_EVAL_METHOD != 0
@@ -23,9 +24,9 @@ typedef ptrdiff_t size;
 enum { EXACT = 22, DIGITS = 19, DRIFT = 4, POWERS = 7, SERIES = 8 };
 /* What fp_fit returns: FAR if it needs moments at its frequencies, NUMPY if numpy must do it. */
 enum { DONE, FAR, NUMPY };
-/* As in sums.py and sinefit.py. */
+/* As in sums.py and sinefit.py; the last is the least share of the samples that a row must have for itself. */
 static const double PI = 3.14159265358979323846, FEWEST = 0.5, NEAR = 0.15, ROUND_OFF = 1e-14, ALIKE = 1e-3;
-static const double LEFT = 1e-3, LEFT_OVER = 3, BENT = 0.3, LONGEST = 0.3;
+static const double LEFT = 1e-3, LEFT_OVER = 3, BENT = 0.3, LONGEST = 0.3, INDEPENDENT = 1e-9;
 static const double TEN[EXACT + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                       1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
@@ -120,77 +121,83 @@ typedef struct {
     double *inner, *inverse, *coefficients, *rest, *variance;
 } Fit;
 
-/* out (n, n) = rows (n, n), which are nearly diagonal, times a table (n, m). */
+/* out (m, n) = (rows (n, n) times a table (n, m))', for rows that are nearly diagonal. */
 static void times(size n, size m, const double *rows, const double *table, double *out)
 {
     memset(out, 0, n * m * sizeof(double));
     for (size i = 0; i < n; i++)
-        for (size k = 0; k < n; k++) {
-            double share = rows[i * n + k];
-            if (share != 0)
-                for (size j = 0; j < m; j++)
-                    out[i * m + j] += share * table[k * m + j];
-        }
+        for (size k = 0; k < n; k++)
+            for (size j = 0; j < m && rows[i * n + k] != 0; j++)
+                out[j * n + i] += rows[i * n + k] * table[k * m + j];
 }
 
-/* Sums without samples at one frequency, sums_without_samples: powers 0 to 6 at steps of `stride`; 0 if the frequency
-   is so low that they have no closed form. */
+/* Gauss-Jordan elimination of the first P of n rows and m >= n columns: in place of A and B beside it, inverse(A) and
+   inverse(A) B; what is left of the other rows. 0 if a pivot is not above the least. */
+static int eliminated(size n, size m, size P, double least, double *a)
+{
+    for (size k = 0; k < P; k++) {
+        double *row = a + k * m, pivot = row[k];
+        if (!(pivot > least))
+            return 0;
+        row[k] = 1;
+        for (size j = 0; j < m; j++)
+            row[j] /= pivot;
+        for (size i = 0; i < n; i++) {
+            double share = i == k ? 0 : a[i * m + k];
+            a[i * m + k] = i == k ? row[k] : 0;
+            for (size j = 0; j < m; j++)
+                a[i * m + j] -= share * row[j];
+        }
+    }
+    return 1;
+}
+
+/* sums_without_samples at one frequency, at steps of `stride`; 0 if it is so low that there is no closed form. */
 static int closed(const Track *t, double frequency, double *sums, size stride)
 {
-    double x = frequency / (2 * t->rate), sine = sin(x), N = (double)t->N, power = 1 / sine, powers[POWERS];
-    if (frequency == 0) {
-        for (size p = 0; p < POWERS; p++)
-            sums[p * stride] = t->still[p];
-        return 1;
-    }
-    if (fabs(sine) * N < FEWEST)
-        return 0;
+    double x = frequency / (2 * t->rate), sine = sin(x), N = (double)t->N, powers[POWERS] = {1 / sine};
     double step = cos(x) / sine / (N - 1), many = sin(N * x), few = cos(N * x);
-    for (size p = 0; p < POWERS; p++, power *= step) {
+    if (frequency != 0 && fabs(sine) * N < FEWEST)
+        return 0;
+    for (size p = 0; p < POWERS; p++) {
         double s = 0, c = 0;
-        powers[p] = power;
+        powers[p] = p ? powers[p - 1] * step : powers[0];
         for (size q = 0; q <= p; q++) {
             s += t->by_sine[p * POWERS + q] * powers[q];
             c += t->by_cosine[p * POWERS + q] * powers[q];
         }
-        sums[p * stride] = many * s + few * c;
+        sums[p * stride] = frequency != 0 ? many * s + few * c : t->still[p];
     }
     return 1;
 }
 
 /* Inner products (n, n) of the rows; 0 if they are left to numpy. */
-static int products(const Layout *l, const Track *t, const Fit *f, double *work, double *inner)
+static int products(const Layout *l, const Track *t, const Fit *f, double *sums)
 {
     size n = l->n, K = 0, still = 2 * f->H + 1, others = f->H + f->L + 1, count = still + 2 * f->L * others;
-    double *sums = work, *flat = work + POWERS * count, half = t->half;
+    double *flat = sums + POWERS * count, half = t->half, scale[] = {1, half, half * half, pow(half, 3), pow(half, 4)};
+    int known = 1;
     for (; K < still; K++) /* Terms.differences */
-        if (!closed(t, *f->omega * K, sums + K, count))
-            return 0;
-    for (size k = 0; k < f->L; k++)
-        for (int sign = 1; sign >= -1; sign -= 2)
-            for (size i = 0; i < others; i++, K++) {
-                double other = i <= f->H ? *f->omega * i : f->lines[i - f->H - 1];
-                if (!closed(t, other + sign * f->lines[k], sums + K, count))
-                    return 0;
-            }
+        known &= closed(t, *f->omega * K, sums + K, count);
+    for (size k = 0; k < 2 * f->L; k++)
+        for (size i = 0; i < others; i++, K++) {
+            double other = i <= f->H ? *f->omega * i : f->lines[i - f->H - 1], line = f->lines[k / 2];
+            known &= closed(t, k % 2 ? other - line : other + line, sums + K, count);
+        }
     for (size i = 0; i < n * n; i++)
-        inner[i] = l->of_below[i] * sums[l->below[i]] + l->of_above[i] * sums[l->above[i]];
-    times(n, n, l->rows, inner, flat);
+        f->inner[i] = l->of_below[i] * sums[l->below[i]] + l->of_above[i] * sums[l->above[i]];
+    times(n, n, l->rows, f->inner, flat);
+    times(n, n, l->rows, flat, f->inner);
     for (size i = 0; i < n; i++)
         for (size j = 0; j < n; j++)
-            inner[j * n + i] = flat[i * n + j];
-    times(n, n, l->rows, inner, flat);
-    double scale[5] = {1, half, half * half, half * half * half, half * half * half * half};
-    for (size i = 0; i < n; i++)
-        for (size j = 0; j < n; j++)
-            inner[i * n + j] = flat[i * n + j] * scale[l->seconds[i] + l->seconds[j]];
-    return 1;
+            f->inner[i * n + j] *= scale[l->seconds[i] + l->seconds[j]];
+    return known;
 }
 
-/* Inner products (n, C) of the rows with the channels, from the moments at the nearest frequency; 0 if none is near. */
+/* Inner products (C, n) of the rows with the channels, from the moments at the nearest frequency; 0 if none is near. */
 static int with_signals(const Layout *l, const Track *t, const Fit *f, double *work, double *right)
 {
-    size C = t->C, sines = l->S + 1;
+    size C = t->C, n = l->n, sines = l->S + 1;
     double complex *sums = (double complex *)work; /* (C, DRIFT, S + 1) */
     double *flat = work + 2 * C * DRIFT * sines;
     for (size s = 0; s < l->S; s++) {
@@ -201,205 +208,141 @@ static int with_signals(const Layout *l, const Track *t, const Fit *f, double *w
         double turn = (omega - t->base[near]) * t->half;
         if (!(fabs(turn) <= NEAR))
             return 0;
-        for (size c = 0; c < C; c++)
-            for (size o = 0; o < 3; o++) {
-                const double complex *x = t->moments + (c * 3 + o) * SERIES * t->bases + near;
-                double complex share = 1, sum = 0;
-                for (size e = 0; e < SERIES; share *= -I * turn / (double)++e, x += t->bases)
-                    sum += share * *x;
-                sums[(c * DRIFT + o) * sines + s] = sum;
-            }
+        for (size i = 0; i < 3 * C; i++) {
+            const double complex *x = t->moments + i * SERIES * t->bases + near;
+            double complex share = 1, sum = 0;
+            for (size e = 0; e < SERIES; share *= -I * turn / (double)++e, x += t->bases)
+                sum += share * *x;
+            sums[(i / 3 * DRIFT + i % 3) * sines + s] = sum;
+        }
     }
     for (size i = 0; i < C * DRIFT; i++)
         sums[i * sines + l->S] = t->drift[i];
-    for (size i = 0; i < l->n; i++) {
-        size atom = l->kept[i] / 2, part = l->kept[i] % 2;
-        for (size c = 0; c < C; c++) {
-            double complex sum = sums[(c * DRIFT + l->power[atom]) * sines + l->frequency[atom]];
-            flat[i * C + c] = part ? cimag(sum) : creal(sum);
-        }
+    for (size i = 0; i < n * C; i++) {
+        size row = l->kept[i / C], atom = row / 2;
+        double complex sum = sums[(i % C * DRIFT + l->power[atom]) * sines + l->frequency[atom]];
+        flat[i] = row % 2 ? cimag(sum) : creal(sum);
     }
-    times(l->n, C, l->rows, flat, right);
-    for (size i = 0; i < l->n * C; i++)
-        for (size p = 0; p < l->seconds[i / C]; p++)
+    times(n, C, l->rows, flat, right);
+    for (size i = 0; i < n * C; i++)
+        for (size p = 0; p < l->seconds[i % n]; p++)
             right[i] *= t->half;
     return 1;
 }
 
-/* Inverse (P, P) of the first rows of a positive table (n, n); 0 if it is nearly singular. */
-static int inverted(size n, size P, double least, const double *table, double *L, double *inverse)
+/* The fit at its frequencies; in `whole` (n, n + C), the other rows have less what those fitted explain. */
+static int fitted(const Layout *l, const Track *t, const Fit *f, double *whole)
 {
-    for (size i = 0; i < P; i++)
-        for (size j = 0; j <= i; j++) {
-            double sum = table[i * n + j];
-            for (size k = 0; k < j; k++)
-                sum -= L[i * P + k] * L[j * P + k];
-            if (i == j && !(sum > least * table[i * n + i]))
-                return 0;
-            L[i * P + j] = i == j ? 1 / sqrt(sum) : sum * L[j * P + j];
-        }
-    for (size i = 0; i < P; i++)
-        for (size j = 0; j < i; j++) {
-            double sum = 0;
-            for (size k = j; k < i; k++)
-                sum -= L[i * P + k] * L[k * P + j];
-            L[i * P + j] = sum * L[i * P + i];
-        }
-    memset(inverse, 0, P * P * sizeof(double));
-    for (size k = 0; k < P; k++)
-        for (size i = 0; i <= k; i++)
-            for (size j = 0; j <= k; j++)
-                inverse[i * P + j] += L[k * P + i] * L[k * P + j];
-    return 1;
-}
-
-/* The fit at its frequencies. */
-static int fitted(const Layout *l, const Track *t, const Fit *f, double *work)
-{
-    size n = l->n, P = l->P, C = t->C;
-    double *right = work;
-    work += n * C;
+    size n = l->n, P = l->P, C = t->C, m = n + C;
+    double *right = whole + n * m, *work = right + n * C;
     if (!with_signals(l, t, f, work, right))
         return FAR;
-    if (!products(l, t, f, work, f->inner) || !inverted(n, P, 1e-7, f->inner, work, f->inverse))
+    if (!products(l, t, f, work))
         return NUMPY;
-    times(P, C, f->inverse, right, f->coefficients);
-    for (size c = 0; c < C; c++) {
-        double left = f->energy[c];
-        for (size i = 0; i < P; i++)
-            left -= f->coefficients[i * C + c] * right[i * C + c];
-        double least = ROUND_OFF * f->energy[c] + 1e-300;
-        f->variance[c] = (left > least ? left : least) / (t->N > P ? t->N - P : 1);
+    for (size i = 0; i < n; i++)
+        for (size j = 0; j < m; j++)
+            whole[i * m + j] = j < n ? f->inner[i * n + j] : right[(j - n) * n + i];
+    if (!eliminated(n, m, P, INDEPENDENT * t->N, whole))
+        return NUMPY;
+    for (size i = 0; i < P * P; i++)
+        f->inverse[i] = whole[i / P * m + i % P];
+    memcpy(f->variance, f->energy, C * sizeof(double));
+    for (size i = 0; i < n * C; i++) {
+        double left = whole[i / C * m + n + i % C];
+        *(i < P * C ? f->coefficients + i : f->rest + i - P * C) = left;
+        f->variance[i % C] -= i < P * C ? left * right[i % C * n + i / C] : 0;
     }
-    memcpy(f->rest, right + P * C, (n - P) * C * sizeof(double));
-    for (size i = P; i < n; i++)
-        for (size k = 0; k < P; k++)
-            for (size c = 0; c < C; c++)
-                f->rest[(i - P) * C + c] -= f->inner[i * n + k] * f->coefficients[k * C + c];
+    for (size c = 0; c < C; c++)
+        f->variance[c] = fmax(f->variance[c], ROUND_OFF * f->energy[c] + 1e-300) / (t->N > P ? t->N - P : 1);
     return DONE;
 }
 
 /* sinefit._newton_step: sets step and std; 0 if numpy must find directions that are not known. */
-static int newton(const Layout *l, const Track *t, const Fit *f, double *work, double *neglected, double *spread)
+static int newton(const Layout *l, const Track *t, const Fit *f, double *whole, double *neglected, double *spread)
 {
-    size n = l->n, P = l->P, C = t->C, S = 2 * l->S, Q = 1 + f->L;
-    double *shared = work, *apart = shared + P * S, *turned = apart + S * S, *weight = turned + S * C;
-    double *normal = weight + C, *right = normal + Q * Q, *covariance = right + Q;
+    size n = l->n, P = l->P, C = t->C, S = 2 * l->S, Q = 1 + f->L, m = Q + 1;
+    double *turned = whole + n * (n + C), *weight = turned + S * C, *scale = weight + C, *normal = scale + Q;
     double bend = 0, others = 0, energy = 0, square = 0.25 * t->length * t->length;
-    memset(shared, 0, P * S * sizeof(double));
-    memset(normal, 0, (Q * Q + Q) * sizeof(double));
-    for (size c = 0; c < C; c++)
-        weight[c] = f->weight ? f->weight[c] : 1 / f->variance[c];
-    for (size i = 0; i < P; i++)
-        for (size k = 0; k < P; k++)
-            for (size r = 0; r < S; r++)
-                shared[i * S + r] += f->inverse[i * P + k] * f->inner[k * n + P + r];
-    for (size r = 0; r < S; r++) {
-        double share = r >= 2 * f->H ? 1 : f->free ? f->informing[r / 2] * (r / 2 + 1) : 0;
-        memcpy(apart + r * S, f->inner + (P + r) * n + P, S * sizeof(double));
-        for (size c = 0; c < C; c++)
+    memset(normal, 0, Q * m * sizeof(double)); /* with the right side beside it */
+    for (size c = 0; c < C; c++) {
+        double squares = 0, w = weight[c] = f->weight ? f->weight[c] : 1 / f->variance[c];
+        for (size r = 0; r < S; r++) {
+            double share = r >= 2 * f->H ? 1 : f->free ? f->informing[r / 2] * (r / 2 + 1) : 0;
+            double order = r > 1 && r < 2 * f->H ? (double)(r / 2 + 1) : 0;
+            double bent = f->coefficients[r * C + c] * order * order;
             turned[r * C + c] = (r % 2 ? share : -share) * f->coefficients[(r ^ 1) * C + c];
+            normal[(r < 2 * f->H ? 0 : 1 + r / 2 - f->H) * m + Q] += turned[r * C + c] * w * f->rest[r * C + c];
+            squares += bent * bent;
+        }
+        bend -= w * (f->coefficients[c] * f->rest[S * C + c] + f->coefficients[C + c] * f->rest[(S + 1) * C + c]);
+        others += w * sqrt(squares * f->variance[c] * t->N / 10) * square;
+        energy += w * f->variance[c] * t->N * square / 3;
     }
-    for (size i = 0; i < P; i++)
-        for (size r = 0; r < S; r++)
-            for (size s = 0; s < S; s++)
-                apart[r * S + s] -= f->inner[i * n + P + r] * shared[i * S + s];
-    for (size r = 0; r < S; r++) {
-        size q = r < 2 * f->H ? 0 : 1 + r / 2 - f->H;
-        for (size c = 0; c < C; c++)
-            right[q] += turned[r * C + c] * weight[c] * f->rest[r * C + c];
+    for (size r = 0; r < S; r++)
         for (size s = 0; s < S; s++) {
+            size q = r < 2 * f->H ? 0 : 1 + r / 2 - f->H, p = s < 2 * f->H ? 0 : 1 + s / 2 - f->H;
             double both = 0;
             for (size c = 0; c < C; c++)
                 both += turned[r * C + c] * weight[c] * turned[s * C + c];
-            normal[q * Q + (s < 2 * f->H ? 0 : 1 + s / 2 - f->H)] += apart[r * S + s] * both;
+            normal[q * m + p] += whole[(P + r) * (n + C) + P + s] * both;
         }
-    }
-    for (size c = 0; c < C; c++) {
-        const double *X = f->coefficients + c, *rest = f->rest + c;
-        double squares = 0;
-        for (size r = 2; r < 2 * f->H; r++) {
-            double curved = X[r * C] * (r / 2 + 1) * (r / 2 + 1);
-            squares += curved * curved;
-        }
-        bend -= weight[c] * (X[0] * rest[S * C] + X[C] * rest[(S + 1) * C]);
-        others += weight[c] * sqrt(squares * f->variance[c] * t->N / 10) * square;
-        energy += weight[c] * f->variance[c] * t->N * square / 3;
-    }
     if (!f->free)
         normal[0] = 1;
-    double *scale = turned, *scaled = apart; /* no longer needed */
     for (size q = 0; q < Q; q++)
-        scale[q] = 1 / sqrt(normal[q * Q + q] > 1e-300 ? normal[q * Q + q] : 1e-300);
-    for (size i = 0; i < Q * Q; i++)
-        scaled[i] = normal[i] * scale[i / Q] * scale[i % Q];
-    if (!inverted(Q, Q, 0, scaled, shared, covariance))
-        return 0;
-    for (size q = 0; q < Q; q++)
-        if (!(covariance[q * Q + q] < 1 / (ALIKE * ALIKE)))
-            return 0;
-    for (size i = 0; i < Q * Q; i++)
-        covariance[i] *= scale[i / Q] * scale[i % Q];
-    times(Q, 1, covariance, right, f->step);
+        scale[q] = 1 / sqrt(fmax(normal[q * m + q], 1e-300));
+    for (size i = 0; i < Q * m; i++)
+        normal[i] *= scale[i / m] * (i % m < Q ? scale[i % m] : 1);
+    int known = eliminated(Q, m, Q, 0, normal);
     for (size q = 0; q < Q; q++) {
-        f->std[q] = sqrt(covariance[q * Q + q]);
-        if (!isfinite(f->step[q]))
-            return 0;
+        f->step[q] = normal[q * m + Q] * scale[q];
+        f->std[q] = sqrt(normal[q * m + q]) * scale[q];
+        known &= isfinite(f->step[q]) && normal[q * m + q] < 1 / (ALIKE * ALIKE);
     }
+    double variance = f->std[0] * f->std[0], bent = fmin(fmax(bend * variance, -BENT), BENT);
+    double longer = f->step[0] * bent / (1 - bent) / (normal[0] * scale[0]);
+    for (size q = 0; q < Q && f->free; q++)
+        f->step[q] += normal[q * m] * scale[q] * longer;
     *spread = LEFT_OVER * sqrt(energy);
-    *neglected = 0;
-    if (!f->free) {
-        f->std[0] = 0;
-        return 1;
-    }
-    double bent = fmin(fmax(bend * covariance[0], -BENT), BENT), longer = f->step[0] * bent / (1 - bent);
-    for (size q = 0; q < Q; q++)
-        f->step[q] += covariance[q * Q] / covariance[0] * longer;
-    *neglected = (bent * bent + LEFT_OVER * others * covariance[0]) / f->std[0];
-    return 1;
-}
-
-/* Room that `work` of fp_fit needs. */
-size fp_room(size n, size C, size H, size L)
-{
-    size sums = POWERS * (2 * H + 1 + 2 * L * (H + L + 1)) + n * n, signals = 2 * C * DRIFT * (H + L + 1) + n * C;
-    return n * C + sums + signals + n * n + (2 + L) * (2 + L) * 3;
+    *neglected = f->free ? (bent * bent + LEFT_OVER * others * variance) / f->std[0] : 0;
+    f->std[0] *= f->free;
+    return known;
 }
 
 /* sinefit.refine of one track without missing samples: a fit, and at most `rounds` steps of its frequencies.
    It can go on after FAR, with moments at its frequencies. */
-WIDE size fp_fit(const Layout *l, const Track *t, Fit *f, double *work)
+WIDE size fp_fit(const Layout *l, const Track *t, Fit *f)
 {
-    double bin = 2 * PI / t->length, *before = work, neglected, spread;
-    work += 1 + f->L;
-    int state = fitted(l, t, f, work);
+    size n = l->n, C = t->C, L = f->L, count = 2 * f->H + 1 + 2 * L * (f->H + L + 1);
+    size room = 2 * n * (n + C) + POWERS * count + 2 * C * (DRIFT + 1) * (n + 1) + (L + 2) * (L + 3);
+    double bin = 2 * PI / t->length, neglected, spread, *before = malloc((1 + L + room) * sizeof(double));
+    double *whole = before + 1 + L;
+    int state = before ? fitted(l, t, f, whole) : NUMPY;
     for (; f->rounds > 0 && state == DONE; f->rounds--) {
         int small = 1;
         double most = 0;
-        memcpy(before, f->step, (1 + f->L) * sizeof(double));
-        if (!newton(l, t, f, work, &neglected, &spread))
-            return NUMPY;
-        for (size q = 0; q <= f->L; q++) {
-            double gap = INFINITY, leak = 1, *step = f->step + q, last = fabs(before[q] * f->std[q]);
+        memcpy(before, f->step, (1 + L) * sizeof(double));
+        if (!newton(l, t, f, whole, &neglected, &spread)) {
+            state = NUMPY;
+            break;
+        }
+        for (size q = 0; q <= L; q++) {
+            double gap = INFINITY, *step = f->step + q, last = fabs(before[q] * f->std[q]);
             for (size h = 1; q > 0 && h <= f->H; h++)
                 gap = fmin(gap, fabs(f->lines[q - 1] - *f->omega * h));
-            if (q > 0)
-                leak = fmin(LEFT_OVER * sqrt(12.0) / (t->length * gap), 1);
+            double leak = q > 0 ? fmin(LEFT_OVER * sqrt(12.0) / (t->length * gap), 1) : 1;
             small &= fabs(*step) * leak < fmax(1e-12 * bin, LEFT * f->std[q]);
             *step = fmin(fmax(*step, -LONGEST * bin), LONGEST * bin);
-            double size = fabs(*step), next = size * fmin(size / fmax(last, 1e-300), spread);
-            if (q == 0)
-                next = size * (neglected + spread * bin / *f->omega);
-            most = fmax(most, next * leak);
+            double rest = q ? fmin(fabs(*step) / fmax(last, 1e-300), spread) : neglected + spread * bin / *f->omega;
+            most = fmax(most, fabs(*step) * rest * leak);
         }
         if (small)
             break;
-        *f->omega += f->step[0];
-        for (size q = 0; q < f->L; q++)
-            f->lines[q] += f->step[1 + q];
-        state = fitted(l, t, f, work);
+        for (size q = 0; q <= L; q++)
+            *(q ? f->lines + q - 1 : f->omega) += f->step[q];
+        state = fitted(l, t, f, whole);
         if (most < LEFT)
             f->rounds = 1;
     }
+    free(before);
     return state;
 }

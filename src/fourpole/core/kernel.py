@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 _SIZE, _ARRAY, _CHAR = ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_int
 _FUNCTIONS = {
     "fp_cells": (_SIZE, [ctypes.c_char_p, _SIZE, _CHAR, _CHAR, _CHAR, _SIZE, _ARRAY, _ARRAY, _SIZE]),
-    "fp_room": (_SIZE, [_SIZE] * 4),
-    "fp_fit": (_SIZE, [_ARRAY] * 4),
+    "fp_fit": (_SIZE, [_ARRAY] * 3),
 }
 _KINDS = {"f": np.float64, "c": np.complex128, "i": np.int64, "b": np.float64}
 #: What fp_fit returns if it needs moments at further frequencies.
@@ -156,9 +155,8 @@ def fit(
     made = _Fit(
         terms.harmonics, lines, rounds, free, energy, informing, weight, frequency[:1], frequency[1:], *steps, *found
     )
-    work = np.empty(loaded.fp_room(layout.rows, channels, terms.harmonics, lines))
     for _ in range(2 + rounds):
-        state = loaded.fp_fit(*map(ctypes.addressof, (layout, blocks.handed, made)), _address(work))
+        state = loaded.fp_fit(*map(ctypes.addressof, (layout, blocks.handed, made)))
         if state != _FAR:
             break
         blocks.reach(float(frequency[0]), terms.harmonics, frequency[1:])
