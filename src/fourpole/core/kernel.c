@@ -113,12 +113,12 @@ typedef struct {
     const double complex *moments;
 } Track;
 
-/* sinefit.SineFit of H harmonics and L lines, with at most `rounds` steps; `step` (1 + L) is the last of them. */
+/* sinefit.SineFit of H harmonics and L lines, with at most `rounds` steps; `step` (1 + L) is the last of them. What is
+   found stands one after the other, from `omega` on; its parts are known by their sizes. */
 typedef struct {
     size H, L, rounds, free;
     const double *energy, *informing, *weight;
-    double *omega, *lines, *step, *std;
-    double *inner, *inverse, *coefficients, *rest, *variance;
+    double *omega, *lines, *step, *std, *inner, *inverse, *coefficients, *rest, *variance;
 } Fit;
 
 /* out (m, n) = (rows (n, n) times a table (n, m))', for rows that are nearly diagonal. */
@@ -314,6 +314,14 @@ WIDE size fp_fit(const Layout *l, const Track *t, Fit *f)
 {
     size n = l->n, C = t->C, L = f->L, count = 2 * f->H + 1 + 2 * L * (f->H + L + 1);
     size room = 2 * n * (n + C) + POWERS * count + 2 * C * (DRIFT + 1) * (n + 1) + (L + 2) * (L + 3);
+    f->lines = f->omega + 1;
+    f->step = f->lines + L;
+    f->std = f->step + 1 + L;
+    f->inner = f->std + 1 + L;
+    f->inverse = f->inner + n * n;
+    f->coefficients = f->inverse + l->P * l->P;
+    f->rest = f->coefficients + l->P * C;
+    f->variance = f->rest + (n - l->P) * C;
     double bin = 2 * PI / t->length, neglected, spread, *before = malloc((1 + L + room) * sizeof(double));
     double *whole = before + 1 + L;
     int state = before ? fitted(l, t, f, whole) : NUMPY;

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator, Sequence
 from functools import cache
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,12 +80,12 @@ class Track(Structure):
 
 
 class _Fit(Structure):
-    """A fit, before and after."""
+    """A fit, with what is found of it in one array; where its parts begin is for the library alone."""
 
     _fields_ = (
         *_fields(_SIZE, "harmonics lines rounds free"),
-        *_fields(_ARRAY, "energy informing weight omega frequencies step std"),
-        *_fields(_ARRAY, "inner inverse coefficients rest variance"),
+        *_fields(_ARRAY, "energy informing weight found"),
+        ("parts", _ARRAY * 8),
     )
 
 
@@ -116,10 +117,12 @@ def cells(text: bytes, separator: str, ending: bytes, decimal: str, wanted: Sequ
     """
     if (loaded := library()) is None:
         return None
-    place, room = np.full(width, -1), int(np.count_nonzero(np.frombuffer(text, dtype=np.uint8) == ending[0])) + 1
+    place, room = (
+        np.full(width, -1, dtype=np.int64),
+        int(np.count_nonzero(np.frombuffer(text, dtype=np.uint8) == ending[0])) + 1,
+    )
     place[list(wanted)] = np.arange(len(wanted))
-    place, columns = _contiguous(place), np.empty((len(wanted), room))
-    signs = ord(separator), ending[0], ord(decimal)
+    columns, signs = np.empty((len(wanted), room)), (ord(separator), ending[0], ord(decimal))
     rows = loaded.fp_cells(text, len(text), *signs, width, _address(place), _address(columns), room)
     return None if rows < 0 else columns[:, :rows]
 
@@ -148,16 +151,17 @@ def fit(
     """
     if (loaded := library()) is None:
         return None
-    size, rest, channels, lines = layout.fitted, layout.rows - layout.fitted, energy.size, terms.lines.size
-    shapes = (layout.rows, layout.rows), (size, size), (size, channels), (rest, channels), (channels,)
-    found, steps = [np.empty(shape) for shape in shapes], np.zeros((2, 1 + lines))
-    frequency = np.array([terms.omega, *terms.lines])
-    made = _Fit(
-        terms.harmonics, lines, rounds, free, energy, informing, weight, frequency[:1], frequency[1:], *steps, *found
-    )
+    size, channels, lines = layout.fitted, energy.size, terms.lines.size
+    shapes = (layout.rows, layout.rows), (size, size), (size, channels), (layout.rows - size, channels), (channels,)
+    ends = np.cumsum([3 * (1 + lines), *map(prod, shapes)])
+    whole = np.zeros(ends[-1])
+    frequency = whole[: 1 + lines]
+    found = [whole[a:b].reshape(shape) for a, b, shape in zip(ends, ends[1:], shapes, strict=False)]
+    frequency[0], frequency[1:] = terms.omega, terms.lines
+    made = _Fit(terms.harmonics, lines, rounds, free, energy, informing, weight, whole)
     for _ in range(2 + rounds):
         state = loaded.fp_fit(*map(ctypes.addressof, (layout, blocks.handed, made)))
         if state != _FAR:
             break
         blocks.reach(float(frequency[0]), terms.harmonics, frequency[1:])
-    return None if state else (float(frequency[0]), frequency[1:], found, float(steps[1, 0]))
+    return None if state else (float(frequency[0]), frequency[1:], found, float(whole[2 * (1 + lines)]))
