@@ -60,6 +60,7 @@ MAY = {
     "plot/lineart.py": "drawings",
     "words/__init__.py": "what a package states: sentences, captions, looks",
     "io/origin.py": "the package's own repository",
+    "io/kernel.py": "the source of its library",
     # the user's own
     "served/signals.py": "samples in the user's own cache folder",
     "lab/dataset.py": "the data set",
