@@ -21,6 +21,7 @@ from tests.selection import EVERY, left_out, mark_pages, turn
 
 from fourpole import Study, analyse
 from fourpole.core.checks import Check, Verdict
+from fourpole.io.kernel import filled_by, filling
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -93,6 +94,23 @@ def no_check_is_ok_beyond_its_limit() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Check, "__init__", made)
+        yield
+
+
+@pytest.fixture(scope="session")
+def library() -> None:
+    """The library in C must be built; a machine without a compiler skips the test, but not one of CI."""
+    with filled_by("c"):
+        if filling() == "numpy":
+            (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)("make kernel has built no library in C")
+
+
+@pytest.fixture(scope="module", params=["c", "numpy"])
+def filling_of(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The tests of a module run with the library in C, and with numpy."""
+    if request.param == "c":
+        request.getfixturevalue("library")
+    with filled_by(request.param):
         yield
 
 

@@ -113,9 +113,11 @@ def test_the_version_is_printed_without_the_command_line():
     assert {name for name in loaded if name.startswith("fourpole")} <= {
         "fourpole",
         "fourpole.__main__",
+        "fourpole.io",
+        "fourpole.io.kernel",
         "fourpole.version",
     }
-    assert not loaded & {"typer", "numpy", "importlib.metadata", "typing"}
+    assert not loaded & {"typer", "numpy", "importlib.metadata", "typing", "pathlib", "hashlib"}
 
 
 def test_the_list_of_commands_needs_nothing_and_in_a_narrow_terminal_neither_rich_nor_numpy(monkeypatch):

@@ -27,9 +27,9 @@ def main() -> None:
     """
     words = sys.argv[1:]
     if words == ["--version"]:
-        from fourpole.version import VERSION
+        from fourpole.io.kernel import said
 
-        sys.stdout.write(f"fourpole {VERSION}\n")
+        sys.stdout.write(f"{said()}\n")
         return
     if words in (["--help"], ["-h"]) and _columns() >= _WIDTH:
         with open(f"{__file__.rpartition(os.sep)[0]}/help.txt", encoding="utf-8") as file:  # noqa: PTH123, for pathlib is slow

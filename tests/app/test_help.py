@@ -14,6 +14,7 @@ from tests.app.conftest import ENVIRONMENT
 from fourpole.app import group
 from fourpole.app.cli import app
 from fourpole.app.group import _run_of
+from fourpole.io.kernel import filling
 
 GROUP = typer.main.get_command(app)
 COMMANDS = {name: GROUP.get_command(None, name) for name in GROUP.list_commands(None)}
@@ -163,7 +164,7 @@ def test_brackets_of_a_metavar_stand_once(run):
 def test_the_version_is_that_of_the_package(run):
     from importlib.metadata import version
 
-    assert run("--version").stdout == f"fourpole {version('fourpole')}\n"
+    assert run("--version").stdout == f"fourpole {version('fourpole')} (kernel: {filling()})\n"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from fourpole.answer import Answer
 from fourpole.app.console import end_in_order, out, show_warnings
 from fourpole.app.events import end_with_caller
 from fourpole.app.group import Group
-from fourpole.version import VERSION
+from fourpole.io.kernel import said
 
 if TYPE_CHECKING:
     from fourpole.app.options import PlotOptions, RunOptions, Wanted
@@ -34,7 +34,7 @@ app = typer.Typer(
 
 def _version(shown: bool) -> None:
     if shown:
-        out(f"fourpole {VERSION}")
+        out(said())
         raise typer.Exit
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.kernel import cells
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock, is_moment
 from fourpole.io.layout import Layout, is_aside, is_missing, number, plain_numbers, trimmed
@@ -203,7 +204,7 @@ def whole_lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:
         else:
             rest += block
     held += rest
-    filled = len(held.rstrip())
+    filled = len(held.rstrip()) if held[-2:].isspace() else len(held)  # to look is quicker than to copy
     end = held.find(ending, filled)
     if filled:
         yield held if end < 0 else held[: end + 1]
@@ -222,7 +223,7 @@ def too_long(name: str) -> TableError:
 
 
 def _plain_frame(
-    part: bytes, ending: bytes, layout: Layout, numbers: set[int], indices: list[int]
+    part: bytes, ending: bytes, layout: Layout, numbers: list[int], indices: list[int]
 ) -> pl.DataFrame | None:
     """Columns as polars reads them, `numbers` as floats and the others as text; None if polars refuses the part."""
     import polars as pl  # not at the top: the import takes half a second
@@ -251,7 +252,11 @@ def _quickly(part: bytes, ending: bytes, table: Table) -> Values | None:
     two = ending == b"\n" and b"\r" in part and part.count(b"\r") > part.count(b"\r\n")  # kinds of line end
     if two or not table.wanted:
         return None
-    layout, numbers = table.layout, table.numbers
+    layout, numbers = table.layout, sorted(table.numbers)
+    if not table.clocks:
+        made = cells(part, layout.delimiter, ending, layout.decimal, numbers, layout.width)
+        if made is not None:
+            return dict(zip(numbers, made, strict=True))
     last = layout.width - 1
     indices = sorted({*table.wanted.values(), last})
     frame = _plain_frame(part, ending, layout, numbers, indices)

@@ -17,6 +17,7 @@ from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.io.child import SECONDS
 from fourpole.io.door import sha256_of
 from fourpole.io.folders import is_for_keeping, make_folder
+from fourpole.io.kernel import filling
 from fourpole.io.remote import EVERY, allowing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
@@ -110,6 +111,7 @@ def analyse(
     """
     if route not in ("joint", *ROUTES):
         raise CampaignError(f"no route {route!r}: choose one of joint, {', '.join(ROUTES)}")
+    kernel = filling()
     with allowing(EVERY) if remote else nullcontext():
         if not isinstance(campaign, Campaign):
             campaign = read_campaign(campaign)
@@ -143,6 +145,7 @@ def analyse(
     estimates = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}
     found: dict[str, Any] = {
         "settings": {"route": route, "monte_carlo": monte_carlo, "seed": seed},
+        "kernel": kernel,
         "verdicts": verdict_counts(tables["static"], tables["dynamic"]),
         "notes": [*([note] if note else []), *remarks, *doubts, *mixed],
         **({"joint": estimates} if estimates else {}),

@@ -34,6 +34,7 @@ from fourpole.core.spectra.excited import Excited
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.door import read_bytes
 from fourpole.io.identity import Identity
+from fourpole.io.kernel import filling
 from fourpole.io.packed import pack, unpack
 from fourpole.io.records import Records
 from fourpole.io.remote import is_elsewhere
@@ -88,7 +89,7 @@ class Cache:
     """
 
     def __init__(self, folder: Path, *, verify: bool = False) -> None:
-        self._folder, self._verify = folder, verify
+        self._folder, self._verify, self._filling = folder, verify, filling()
         self._index: dict[str, tuple[Identity, str]] = {}
         self._used: dict[str, int] = {}
         self._run = 1
@@ -129,7 +130,7 @@ class Cache:
 
     def name(self, settings: Sequence[object], sha256: str) -> str:
         """Name of the entry of a recording with this hash, demodulated with these settings."""
-        content = json.dumps([_VERSION, sha256, *settings], sort_keys=True, default=repr)
+        content = json.dumps([_VERSION, self._filling, sha256, *settings], sort_keys=True, default=repr)
         return hashlib.sha256(content.encode()).hexdigest()[:40]
 
     def recall(self, name: str) -> Demodulated | None:

@@ -30,6 +30,7 @@ KEYS = {
     "conditions": "axes of a condition, with the differences that count as the same",
     "stated": "the campaign as it was understood, in SI: rigs, channels, logger, specimens, report, limits",
     "versions": "versions of Python, Fourpole and the packages that results depend on",
+    "kernel": "what fitted the sines: `c`, the library in C, or `numpy`; a cluster's workers may have the other one",
     "origin": (
         "`version` of Fourpole; `commit` of its repository, null if it was installed without one; `changed`: whether "
         "files of the package differ from the commit, null if that is not known"

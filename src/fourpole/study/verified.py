@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -18,6 +18,7 @@ from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
 from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.folders import resolved
+from fourpole.io.kernel import filled_by
 from fourpole.io.published import LIST as NAME
 from fourpole.io.published import STORE, published
 from fourpole.io.remote import address_of, check_allowed, is_elsewhere
@@ -25,7 +26,7 @@ from fourpole.io.seal import KEY, alterations
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.analysis import DRAWS, SEED, analyse
 from fourpole.study.record import section
-from fourpole.study.repeated import Difference, differences
+from fourpole.study.repeated import Difference, differences, on_limit
 from fourpole.study.study import Study
 from fourpole.study.tables import LATER, TABLE_FILES, TABLES
 from fourpole.version import VERSION
@@ -344,21 +345,23 @@ def _run_again(
     """Each table of a second run beside the one that was written, in a folder that is deleted."""
     settings = section(record, "settings")
     draws, seed = settings.get("monte_carlo"), settings.get("seed")
-    study = analyse(
-        campaign,
-        route=str(settings.get("route") or "joint"),
-        monte_carlo=draws if isinstance(draws, int) else DRAWS,
-        seed=seed if isinstance(seed, int) else SEED,
-        workers=workers,
-        progress=progress,
-    )
+    with filled_by(str(record.get("kernel") or "")):
+        study = analyse(
+            campaign,
+            route=str(settings.get("route") or "joint"),
+            monte_carlo=draws if isinstance(draws, int) else DRAWS,
+            seed=seed if isinstance(seed, int) else SEED,
+            workers=workers,
+            progress=progress,
+        )
     with tempfile.TemporaryDirectory(prefix="fourpole-verify-") as place:
         new = study.write(place, further(study) if further is not None else None)
         names = [*TABLE_FILES, "findings.csv"]
-        return tuple(_repeated(folder, new, name) for name in names if (folder / name).is_file())
+        loose = on_limit(study.tables["checks"])
+        return tuple(_repeated(folder, new, name, loose) for name in names if (folder / name).is_file())
 
 
-def _repeated(former: Path, new: Path, name: str) -> Repeated:
+def _repeated(former: Path, new: Path, name: str, loose: Collection[str]) -> Repeated:
     """One table of both runs."""
     if not (new / name).is_file():
         gone = Difference("", "", 0, "a table", "no such table", float("nan"), float("inf"))
@@ -376,4 +379,4 @@ def _repeated(former: Path, new: Path, name: str) -> Repeated:
         unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
         return Repeated(name, False, (unread,))
     later = [column for column in LATER if column not in tables[0].columns]
-    return Repeated(name, False, tuple(differences(tables[0], tables[1].drop(later, strict=False), key)))
+    return Repeated(name, False, tuple(differences(tables[0], tables[1].drop(later, strict=False), key, loose)))

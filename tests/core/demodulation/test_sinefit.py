@@ -9,6 +9,7 @@ from fourpole.core.demodulation.sinefit import fit_sines, refine
 from fourpole.core.demodulation.tracks import Track
 
 RATE = 500.0
+pytestmark = pytest.mark.usefixtures("filling_of")
 
 
 def times(samples):

@@ -113,6 +113,8 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     IEEE Std 1057-2017, sine fit of three parameters, with harmonics, lines and drift added.
     """
     rows = rows_of(track, Terms(omega, harmonics, lines, unsteady))
+    if (made := rows.fitted()) is not None:
+        return SineFit(omega, harmonics, lines, unsteady, track, rows, *made[2])
     inner, right = rows.products(), rows.with_signals()
     size = rows.size
     inverse = np.linalg.inv(inner[:size, :size])
@@ -162,6 +164,8 @@ def refine(
     of the IEEE-STD-1057 four-parameter sine wave fit algorithm", IEEE Trans. Instrum. Meas. 49 (2000), 1189.
     """
     fits = list(fits)
+    if len(fits) == 1 and (done := _refined(fits[0], informing[0], free, weights)) is not None:
+        return done
     bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
     before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
     for _ in range(_ITERATIONS):
@@ -184,6 +188,19 @@ def refine(
         if (rest * leakage).max() < _LEFT:
             break
     return fits, float(std[0])
+
+
+def _refined(
+    fit: SineFit, informing: BoolArray, free: bool, weights: Sequence[FloatArray] | None
+) -> tuple[list[SineFit], float] | None:
+    """The fit of one track, refined by the library in C; None if numpy must do it."""
+    weight = None if weights is None else weights[0]
+    made = fit.rows.fitted(rounds=_ITERATIONS, free=free, informing=informing, weight=weight)
+    if made is None:
+        return None
+    omega, lines, found, std = made
+    rows = rows_of(fit.track, Terms(omega, fit.harmonics, lines, fit.unsteady))
+    return [SineFit(omega, fit.harmonics, lines, fit.unsteady, fit.track, rows, *found)], std
 
 
 def _leakage(fit: SineFit) -> FloatArray:

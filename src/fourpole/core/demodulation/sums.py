@@ -13,6 +13,7 @@ from math import comb
 
 import numpy as np
 
+from fourpole.core import kernel
 from fourpole.core.arrays import ComplexArray, FloatArray, IntArray
 
 #: Powers of the time of a drift, and of the time within a block that moments have: a block is 1/100 of s at most.
@@ -54,7 +55,7 @@ class Grid:
 
     def __init__(self, count: int, rate: float) -> None:
         size = max(1, min(int(np.sqrt(count)), count // _BLOCKS))
-        blocks, self._count = -(-count // size), count
+        blocks, self.count, self.rate = -(-count // size), count, rate
         self.half = 0.5 * max(count - 1, 1) / rate
         self.inside = (np.arange(size) - 0.5 * (size - 1)) / rate
         self.middle = (np.arange(blocks) * size + 0.5 * (size - count)) / rate
@@ -62,14 +63,14 @@ class Grid:
     def split(self, signals: FloatArray) -> FloatArray:
         """Samples (C, N) in blocks (C M, B), with zeros at the end of the last one."""
         whole, size = signals, self.middle.size * self.inside.size
-        if size > self._count:
+        if size > self.count:
             whole = np.zeros((len(signals), size))
-            whole[:, : self._count] = signals
+            whole[:, : self.count] = signals
         return np.ascontiguousarray(whole).reshape(-1, self.inside.size)
 
     def joined(self, blocks: FloatArray) -> FloatArray:
         """Samples (C, N) of blocks (C M, B)."""
-        return blocks.reshape(-1, self.middle.size * self.inside.size)[:, : self._count]
+        return blocks.reshape(-1, self.middle.size * self.inside.size)[:, : self.count]
 
     @cached_property
     def shifts(self) -> FloatArray:
@@ -103,7 +104,13 @@ class Blocks:
         return np.asarray(parts @ self.grid.shifts[:_DRIFT].reshape(_DRIFT, -1).T)
 
     def sums(self, omega: float, harmonics: int, others: FloatArray) -> ComplexArray:
-        """Sums (C, 3, F) of the samples times 1, s or s² and e^{-jωu}, at multiples of omega and at others [rad/s].
+        """Sums (C, 3, F) of the samples times 1, s or s² and e^{-jωu}, at multiples of omega and at others [rad/s]."""
+        place, turn = self.reach(omega, harmonics, others)
+        series = (-1j * turn) ** _EXPONENTS * _SHARES
+        return np.add.reduce(self._moments.take(place, axis=3) * series, axis=2)
+
+    def reach(self, omega: float, harmonics: int, others: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Place of the nearest moments of each frequency (F,), and its turn from there [rad].
 
         The samples are gone through only for frequencies that are far from all before.
         """
@@ -119,8 +126,18 @@ class Blocks:
             moments = new.moments(self.samples)[:, _EXPONENTS.T + np.arange(3)[:, None]]
             self._base = np.concatenate([self._base, new.omega])
             self._moments = np.concatenate([self._moments, moments], axis=3)
-        series = (-1j * turn) ** _EXPONENTS * _SHARES
-        return np.add.reduce(self._moments.take(place, axis=3) * series, axis=2)
+            self.__dict__.pop("handed", None)
+        return place, turn
+
+    @cached_property
+    def handed(self) -> kernel.Track:
+        """The track as the library in C takes it."""
+        grid, order = self.grid, 2 * _DRIFT - 2
+        still = _term_by_term((0.0,), grid.count, grid.rate, order)
+        shape, scale = (*self._moments.shape[:1], grid.count, self._base.size), (grid.rate, grid.half, 2 * grid.half)
+        return kernel.Track(
+            *shape, *scale, self._base, self.drift, *_derivatives(order, grid.count), still, self._moments
+        )
 
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from fourpole.core import kernel
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sums import Sines, sums_without_samples
 from fourpole.core.demodulation.tracks import Course, Track
@@ -76,6 +77,9 @@ class TermRows(Protocol):
 
     def with_signals(self) -> FloatArray:
         """Inner products (P + 2 S + 2, C) of the rows with the channels."""
+
+    def fitted(self, **how: Any) -> tuple[float, FloatArray, list[Any], float] | None:
+        """What `kernel.fit` gives; None if numpy must fit."""
 
     def model(self, coefficients: FloatArray) -> FloatArray:
         """The sum (C, N) of the rows times coefficients (P, C)."""
@@ -154,6 +158,12 @@ class _Layout:
         self.of_below = 0.5 * np.where(alike, sine[:, None] == sine, (second * 1.0 - first) * np.where(mirrored, -1, 1))
         self.of_above = 0.5 * np.where(alike, (sine[:, None] == sine) * (1.0 - 2.0 * sine), -1.0 * (first | second))
 
+    @cached_property
+    def handed(self) -> kernel.Layout:
+        """The layout as the library in C takes it."""
+        places = self.seconds, self.frequency, self.power, self.kept, self.below, self.above
+        return kernel.Layout(len(self.rows), self.size, self.sines, *places, self.rows, self.of_below, self.of_above)
+
 
 _layout = lru_cache(maxsize=64)(_Layout)
 
@@ -188,8 +198,12 @@ class _Uniform:
     def __init__(self, track: Track, terms: Terms) -> None:
         self._track, self._terms, self._blocks = track, terms, track.blocks
         layout = self._layout = _layout(terms.harmonics, terms.lines.size, terms.unsteady)
-        self._rows = layout.rows * (self._blocks.grid.half**layout.seconds)[:, None]
         self.size, self.lead = layout.size, 0.5 * float(track.time[0] + track.time[-1])
+
+    @cached_property
+    def _rows(self) -> FloatArray:
+        """The rows as combinations of atoms, with times in seconds."""
+        return np.asarray(self._layout.rows * (self._blocks.grid.half**self._layout.seconds)[:, None])
 
     @cached_property
     def waves(self) -> Sines:
@@ -213,6 +227,11 @@ class _Uniform:
         sums[:, :, -1] = self._blocks.drift
         flat = sums.reshape(len(sums), -1).take(layout.atoms, axis=1).view(float)
         return self._rows @ flat[:, layout.kept].T
+
+    def fitted(self, **how: Any) -> tuple[float, FloatArray, list[Any], float] | None:
+        track = self._track
+        whole = track.known == track.time.size
+        return kernel.fit(self._layout.handed, self._blocks, self._terms, track.energy, **how) if whole else None
 
     def model(self, coefficients: FloatArray) -> FloatArray:
         layout, terms = self._layout, self._terms
@@ -293,6 +312,9 @@ class _Table:
 
     def with_signals(self) -> FloatArray:
         return self._whole @ self._track.signals.T
+
+    def fitted(self, **how: Any) -> None:
+        """None: the library in C has no tables."""
 
     def model(self, coefficients: FloatArray) -> FloatArray:
         return coefficients.T @ self._rows

@@ -167,7 +167,7 @@ def _different(rows: ComplexArray) -> ComplexArray:
 
 def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, BoolArray]:
     """Samples (C, N) minus their means, 0 for missing samples; flags (N,) of the samples that all channels have."""
-    raw = np.array([recording.channels[name].samples for name in names])
+    raw = np.array([recording.channels[name].samples for name in names], dtype=float)
     if raw.shape[1] < _FEWEST_SAMPLES:
         raise RecordingError(
             f"{recording.label} has {raw.shape[1]} samples, at least {_FEWEST_SAMPLES} are needed: "
