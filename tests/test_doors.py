@@ -46,7 +46,6 @@ MAY = {
     "io/published.py": "a writer's own new files",
     "io/lock.py": "opens folders, to lock them, and keeps the former files",
     "io/formats/uff.py": "its own copies of data sets",
-    "io/tables/responses.py": "its own copies of data sets",
     "io/writers.py": "its own parts, and an empty MDF file",
     "export/uff.py": "what it writes",
     "virtual/folder.py": "truth.csv of the folder that it made",

@@ -7,18 +7,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from elastomer_truth.adapters.fourpole_said import said
-from elastomer_truth.adapters.fourpole_words import cause_of
+from elastomer_truth.adapters.fourpole_words import CHECKS, cause_of
 
-#: Checks of recordings that name a fault of a channel, when most of the tests have them.
-_CHECKS = {
-    "clipping": "clipping",
-    "linearity of F1": "clipping",
-    "linearity of the rig": "clipping",
-    "drop-outs": "drop-outs",
-    "noise": "noise",
-    "mains": "hum",
-    "residual": "tone",
-}
 #: Checks that name one test.
 _ONE_TEST = (
     "agreement", "K* curve", "K* curve of another condition", "labels", "copy", "stated frequency", "steady channel",
@@ -48,7 +38,7 @@ def causes(
             found.append(("scatter", "specimen"))
     bad = [check for check in checks if check["verdict"] != "ok"]
     tests = {check["test"] for check in checks}
-    for code, cause in _CHECKS.items():
+    for code, cause in CHECKS.items():
         channels = [check["channel"] for check in bad if check["code"] == code]
         if channels and len({check["test"] for check in bad if check["code"] == code}) >= 0.3 * len(tests):
             channel = "V2" if code == "linearity of the rig" else max(set(channels), key=channels.count)

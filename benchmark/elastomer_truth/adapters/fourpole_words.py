@@ -33,11 +33,24 @@ _OTHERS = {
     "step of": ("drift", "specimen"),
     "scatter": ("scatter", "specimen"),
 }
+#: Checks of recordings that name a fault of a channel, when most of the tests have them.
+CHECKS = {
+    "clipping": "clipping",
+    "linearity of F1": "clipping",
+    "linearity of the rig": "clipping",
+    "drop-outs": "drop-outs",
+    "noise": "noise",
+    "mains": "hum",
+    "residual": "tone",
+}
 
 
 def cause_of(candidate: dict[str, Any]) -> tuple[str, str] | None:
     """A candidate of study.json as cause and channel or part; None for one that the benchmark has no word for."""
     text, part, name = candidate["text"], str(candidate["part"]), candidate["name"]
+    if name == "recordings":  # a fault that most of them show
+        channel = next((channel for channel in ("F1", "V1", "V2") if channel in text), "F1")
+        return (CHECKS[part], channel) if part in CHECKS else None
     if "sign inverted" in text:
         return "sign", part.rsplit(maxsplit=1)[-1]
     if " read as " in text or "unit of V2" in text:

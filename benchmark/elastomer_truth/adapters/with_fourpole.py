@@ -76,14 +76,14 @@ def _line(campaign: Campaign, lines: Table, bodies: Table, test: str, frequency:
     if not used:
         return []
     near = lines_around(used, frequency)
-    weights = weights_of([float(line["frequency [Hz]"]) for line in near], frequency)
+    places, found = [float(line["frequency [Hz]"]) for line in near], []
     rank = ["ok", "warning", "rejected"]
-    found = []
     for name, (head, u, verdict) in _COLUMNS.items():
         words = [line.get(verdict) or line["verdict"] for line in near]
         worst = max(words, key=lambda word: rank.index(word) if word in rank else 2)
-        # 1/TR^2 is nearly a parabola of f^2, K* is one over three lines.
+        # 1/TR^2 is nearly a parabola of f^2, K* one of log f.
         power = -2 if name == "TR" and len(near) > 1 else 1
+        weights = weights_of(places, frequency, (lambda f: f * f) if power < 0 else math.log)
         size = sum(w * number(line[head]) ** power for w, line in zip(weights, near, strict=True))
         size = abs(size) ** (1 / power) if power < 0 else size
         stds = [number(line[u]) if power == 1 else size * number(line[u]) / number(line[head]) for line in near]

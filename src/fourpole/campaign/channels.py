@@ -23,6 +23,7 @@ from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, CrossTalk
 from fourpole.errors import TableError, UnitError
+from fourpole.io.stream import agreed
 from fourpole.words import first_of
 
 #: Highest order of a filter.
@@ -246,12 +247,7 @@ class ChannelFile(File):
         stated = self.unit
         if stated is None or units.channel_scale(stated, ("voltage", "force", *units.MOTIONS))[0] != "voltage":
             return written
-        if units.channel_scale(stated, ("voltage",)) != units.channel_scale(written, ("voltage",)):
-            raise TableError(
-                f"column {units.shown(self.column)} is in {units.shown(written)} by the file, in {units.shown(stated)} "
-                "by campaign.toml: correct the unit in campaign.toml"
-            )
-        return stated
+        return agreed(self.column, written, stated, "voltage")
 
     def _recorded(self, kinds: tuple[str, ...]) -> tuple[str, float, str]:
         """Kind of the measured quantity, its SI value per recorded unit, and the recorded unit."""

@@ -50,8 +50,8 @@ _IDLE = 300.0
 _LOOK = 0.1
 #: Time after which work ends in any case whose parent was killed while a library holds Python and stands still [s].
 _FORSAKEN = 86400.0
-#: Size of a block [byte] after whose release malloc of glibc keeps smaller ones; to ask the system for each anew takes a
-#: tenth of the time of a Parquet recording.
+#: Size of a block [byte] after whose release malloc of glibc keeps smaller ones; to ask the system for each anew takes
+#: a tenth of the time of a Parquet recording.
 _KEPT = 1 << 22
 #: Length of a message's own length [byte].
 _LENGTH = 8

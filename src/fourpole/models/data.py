@@ -54,7 +54,7 @@ class StiffnessData(ByValue):
         K* of that part of the covariance; by default K* itself.
     recorded : (...,) array of callables, optional
         For each condition a function of K* (N,) [N/m] of a model that returns the data as the recordings have them
-        near that K*; see `models.recorded.Recorded`. Without it, shared errors act in proportion to K*.
+        near that K*; see `models.problem.Recorded`. Without it, shared errors act in proportion to K*.
     amplitude : (N,) or (..., N) float array, optional [m]
         0-to-peak amplitude of the deflection, for models whose K* depends on it.
     static_omega, static_weights : (..., J) float and complex arrays, optional [rad/s], [1]

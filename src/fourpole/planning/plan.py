@@ -299,7 +299,7 @@ def bare_plan(
     relative = defaults.RIG_STD if rig_std is None else rig_std
     values = {name: getattr(rig, name) for name in ("moving_mass", "preload_stiffness", "preload_damping")}
     rig = replace(rig, std={name: relative * value for name, value in values.items() if value})
-    ordinary, channel = Ordinary(), ChannelFile.model_validate({"column": "-", "unit": "1"})
+    ordinary, channel = Ordinary(), ChannelFile.model_validate({"column": "-"})
     channel = channel.model_copy(update={"std_gain": gain_std, "std_phase": phase_std})
     channels = ordinary.uncertainty(dict.fromkeys(CHANNELS, channel), max(frequencies))
     if not rig.preload_damping and not rig.blocked:

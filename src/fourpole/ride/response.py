@@ -122,7 +122,7 @@ def transfers(
 
 
 def _with_belt(vehicle: Condensed, k: ComplexArray, road: ComplexArray, belt: Specimen) -> tuple[Transfers, Transfers]:
-    """The same with a belt, by the two-port of `models.belted`: both ends feel the force Q = q y on the belt.
+    """The same with a belt, by the two-port of `models.realised`: both ends feel the force Q = q y on the belt.
 
     With y = u r + (1 - u) z it is Q = -w² m y/(1 - a). Springs lose power by the deflection r - z, and by that of the
     belt from y, times the root of its gain.

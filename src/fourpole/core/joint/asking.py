@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -255,10 +254,10 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
         gain, factor = gain_of(columns, target, group)
         if gain > (0.0 if problem.scatter else GAIN - _ALMOST):
             gains.append((gain, group, factor))
-    best: dict[Any, tuple[float, Group, float]] = {}
+    best: dict[tuple[Source, int], tuple[float, Group, float]] = {}  # one mode of a frame is enough at a time
     for row in sorted(gains, key=lambda row: -row[0]):
-        first = row[1].parameters[0]
-        best.setdefault(first.source if first.source.kind is Kind.UNSTATED else first.key, row)
+        source, index = row[1].parameters[0].key
+        best.setdefault((source, 0 if row[1].is_mode else index), row)
     yield from best.values()
 
 

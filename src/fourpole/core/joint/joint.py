@@ -265,7 +265,10 @@ def _reconciled(
 def _with_masses(
     problem: Problem, start: ComplexArray, bodies: Mapping[str, Body], massless: _Explained, *, stated: bool
 ) -> _Explained | None:
-    """The tests explained by specimens with a mass of their own; None if massless ones explain them as well."""
+    """The tests explained by specimens with a mass of their own; None if massless ones explain them as well.
+
+    Massless specimens that contradict the statement need no advantage of evidence to give way: a mass is ordinary.
+    """
     wide, solution = explained(problem, bodies, start)
     if not (solution.converged or stated):  # a stated mass is there, whatever else keeps the search from an end
         return None
@@ -280,7 +283,8 @@ def _with_masses(
     gain = _weight(with_belt, problem) - known
     if not is_possible(*with_belt[:2]):
         return None
-    return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
+    enough = stated or gain > (GAIN if massless[3].fits else 0.0)
+    return (*with_belt[:3], replace(with_belt[3], belts=gain)) if enough else None
 
 
 def _massless(problem: Problem, start: ComplexArray) -> _Explained:

@@ -52,7 +52,8 @@ def unstated_parts(
     added = sum((size * by[key] for key, size in sizes.items() if key in by), 0 * jw)
     by["presliding", 0] = sizes.get(("friction", 0), 0.0) * dry_by
     modes = {index: _mode(omega, sizes, index) for part, index in sizes if part == "frame"}
-    through = 1 / (1 + jw * support * sum((size * shape[0] for size, shape in modes.values()), 0 * jw))
+    compliance = sum((size * shape[0] for size, shape in modes.values()), 0 * jw)
+    through: ComplexArray = np.asarray(1 / (1 + jw * support * compliance), dtype=complex)
     for index, (size, (share, by_resonance, by_damping)) in modes.items():
         each = -jw * (support * through) ** 2
         by["frame", index] = each * share

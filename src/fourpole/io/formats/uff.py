@@ -242,6 +242,15 @@ def _sets(file: tracks.OpenFile) -> Content:
     return Content(pyuff, content, sets, _names(sets), system, others)
 
 
+def read_set(found: Content, one: DataSet, called: str, name: str) -> dict[str, Any]:
+    """A data set as pyuff reads it; TableError if it has fewer values than it states."""
+    with copied([found.content[one.start : one.stop], b"\n"]) as path:
+        read = found.pyuff.UFF(path).read_sets()
+    if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
+        raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
+    return read
+
+
 def _track(found: Content, one: DataSet, called: str, name: str) -> tracks.Track:
     """A function as a channel; what is none is barred."""
     texts = [one.words, label_of(one.header, "id1"), _dof(one.header)]
@@ -249,10 +258,7 @@ def _track(found: Content, one: DataSet, called: str, name: str) -> tracks.Track
 
     @tracks.remembered
     def values(*_: int) -> NDArray[np.float64]:
-        with copied([found.content[one.start : one.stop], b"\n"]) as path:
-            read = found.pyuff.UFF(path).read_sets()
-        if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
-            raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
+        read = read_set(found, one, called, name)
         keys = ["data"] if one.even else ["data", "x"]
         return np.array([floats(read[key][: one.count], called, name) for key in keys])
 

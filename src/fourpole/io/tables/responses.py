@@ -18,7 +18,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import afford
-from fourpole.io.formats.uff import Content, copied, label_of, opened
+from fourpole.io.formats.uff import Content, label_of, opened, read_set
 from fourpole.io.source import name_of
 from fourpole.io.tables.columns import Statement, scale_of
 from fourpole.io.tables.vocabulary import FORCE_PER_MOTION, MOTION_PER_FORCE
@@ -217,12 +217,9 @@ def responses(path: Path, label: str) -> list[Response]:
 def _response(found: Content, at: int, name: str) -> Response:
     one = found.sets[at]
     head = one.header
-    with copied([found.content[one.start : one.stop], b"\n"]) as path:
-        read = found.pyuff.UFF(path).read_sets()
     called = f"{_dof(head, 'rsp')}/{_dof(head, 'ref')}"
-    values = np.atleast_1d(np.asarray(read.get("data", ()) if isinstance(read, dict) else (), dtype=complex))
-    if values.size < one.count:
-        raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
+    read = read_set(found, one, called, name)
+    values = np.atleast_1d(np.asarray(read["data"], dtype=complex))
     if int(head.get("abscissa_spec_data_type", 0)) not in _FREQUENCY:
         raise TableError(f"{name}: {shown(called)} is no function of a frequency; export its frequency response")
     if one.even:

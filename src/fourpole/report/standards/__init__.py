@@ -1,4 +1,4 @@
-"""Standards as data: the requirements of each, with their sources, what results say of them, and the page of each."""
+"""SAE J1085, ISO 7626-2 and ISO 10846-2 as data: their requirements, what results say of them, and the page of each."""
 
 from __future__ import annotations
 
