@@ -162,7 +162,7 @@ bench-install: $(READY_BENCH)  ## install the peers, and see that each script in
 	@cd bench && ../.venv-bench/bin/python -c "import glob, importlib; [importlib.import_module(name[:-3]) for name in glob.glob('*.py')]"
 
 # Each script writes what it found into bench/kept, and fails where a promise is not kept; the others run all the same.
-bench: $(READY_BENCH)  ## compare with the peers, write the table of docs/speed.md; fails where a promise is not kept
+bench: $(READY_BENCH) kernel  ## compare with the peers, write the table of docs/speed.md; fails where a promise is not kept
 	@rm -rf bench/kept
 	@for script in bench/bench_*.py; do echo; echo "== $$script"; .venv-bench/bin/python "$$script"; done; \
 	.venv-bench/bin/python bench/write_table.py

@@ -7,7 +7,9 @@ import polars as pl
 import pytest
 
 from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE
+from fourpole.io.kernel import filled_by, filling
 from fourpole.io.seal import sealed
+from fourpole.study import verified
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +61,23 @@ def test_hashes_alone_open_no_recording(analysed, run, monkeypatch, path):
         "same",
         "written since, with its own seal",
     }
+
+
+@pytest.mark.usefixtures("library")
+@pytest.mark.parametrize(("made", "wanted"), [("numpy", None), ("c", "numpy")])
+def test_the_second_run_is_done_by_what_did_the_first_one(mine, run, monkeypatch, made, wanted):
+    """The library in C, or numpy; whatever the variable wants now."""
+    shutil.rmtree(mine / "results")
+    with filled_by(made):
+        assert run("analyse", mine, "--tables-only").exit_code == OK
+    assert json.loads((mine / "results" / "study.json").read_text())["kernel"] == made
+    again, fillings = verified.analyse, []
+    monkeypatch.setattr(verified, "analyse", lambda *a, **b: fillings.append(filling()) or again(*a, **b))
+    with filled_by(wanted or ""):
+        done = run("verify", mine)
+    assert done.exit_code == OK, done.output
+    assert "to the last bit" in done.stdout
+    assert fillings == [made]
 
 
 def test_a_table_that_was_changed_by_hand(mine, run):

@@ -13,6 +13,7 @@ from fourpole.campaign import read_campaign
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.io import userfolders
 from fourpole.io.identity import identity_of
+from fourpole.io.kernel import filled_by
 from fourpole.io.userfolders import user_key
 from fourpole.study import cache, reduce, static
 
@@ -398,3 +399,12 @@ def test_a_file_in_place_of_the_cache_is_no_cache(noisy):
     (noisy.path / "kept").write_text("mine")
     assert again(noisy).dynamic.equals(noisy.analyse(route="mobility").dynamic)
     assert (noisy.path / "kept").read_text() == "mine"
+
+
+@pytest.mark.usefixtures("library")
+def test_what_the_library_in_c_gave_is_not_recalled_for_numpy(tmp_path):
+    names = set()
+    for filling in ("c", "numpy"):
+        with filled_by(filling):
+            names.add(cache.Cache(tmp_path).name([], "0"))
+    assert len(names) == 2

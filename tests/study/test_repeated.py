@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from fourpole.study.repeated import OF_ITSELF, OF_UNCERTAINTY, differences
+from fourpole.study.repeated import OF_ITSELF, OF_UNCERTAINTY, differences, on_limit
 
 K2, U = "K2 [N/m]", "u(K2) [N/m]"
 TABLE = pl.DataFrame(
@@ -80,3 +80,17 @@ def test_lists_are_compared_by_their_largest_part_and_turned_parts_by_their_sum(
     )
     assert differences(parts, turned, KEY) == []
     assert len(differences(parts, less, KEY)) == 1
+
+
+def test_texts_of_a_test_on_the_limit_of_a_check_may_differ():
+    """Round-off decides there; a number that differs counts as elsewhere."""
+    checks = pl.DataFrame(
+        {"test": ["D1", "D2", "D3"], "statistic": [0.03 + 2e-8, 0.03 + 4e-8, 0.0], "limit": [0.03] * 2 + [0.0]}
+    )
+    assert on_limit(checks) == {"D1"}
+    was, now = (
+        pl.DataFrame({"test": ["D1", "D2"], "verdict": [one, "ok"], "C": [1.0, 2.0]}) for one in ("ok", "warning")
+    )
+    assert differences(was, now, ["test"], {"D1"}) == []
+    assert len(differences(was, now, ["test"], {"D2"})) == 1
+    assert len(differences(was, now.with_columns(C=pl.col("C") * 1.01), ["test"], {"D1", "D2"})) == 1
