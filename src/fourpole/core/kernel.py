@@ -11,16 +11,12 @@ import ctypes
 from collections.abc import Iterator, Sequence
 from functools import cache
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.face import load
-
-if TYPE_CHECKING:
-    from fourpole.core.demodulation.sums import Blocks
-    from fourpole.core.demodulation.terms import Terms
 
 #: Types of the functions: result, arguments.
 _SIZE, _ARRAY, _CHAR = ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_int
@@ -129,8 +125,8 @@ def cells(text: bytes, separator: str, ending: bytes, decimal: str, wanted: Sequ
 
 def fit(
     layout: Layout,
-    blocks: Blocks,
-    terms: Terms,
+    blocks: Any,
+    terms: Any,
     energy: FloatArray,
     *,
     rounds: int = 0,
@@ -142,7 +138,7 @@ def fit(
 
     Parameters
     ----------
-    layout, blocks, terms
+    layout, blocks, terms : Layout, sums.Blocks, terms.Terms
         Rows of the fit, samples without gaps, frequencies to begin with.
     energy : (channels,) float array
         Energy of the samples.
