@@ -104,7 +104,7 @@ compiler: chromium  ## the C compiler that the tests of FMUs need; after chromiu
 kernel: $(READY) compiler  ## the library in C that reduces recordings a quarter quicker, beside its source
 	@library=$$($(BIN)/python -m fourpole.io.kernel); \
 	for b in cc gcc clang; do [ ! -e "$$library" ] && command -v $$b >/dev/null 2>&1 || continue; \
-		rm -f src/fourpole/core/kernel-*.so; $$b -O3 -fPIC -shared -o "$$library" src/fourpole/core/kernel.c -lm; done; true
+		rm -f src/fourpole/core/kernel-*.library; $$b -O3 -fPIC -shared -o "$$library" src/fourpole/core/kernel.c -lm; done; true
 
 strace: compiler  ## the tracer that the tests of faults need; after the compiler, for one apt-get runs at a time
 	$(call program,strace,strace,the tests of faults)

@@ -27,7 +27,8 @@ def place() -> str:
     with open(_SOURCE, "rb") as source:  # noqa: PTH123
         mark = crc32(source.read())
     machine = os.uname().machine if hasattr(os, "uname") else os.environ.get("PROCESSOR_ARCHITECTURE", "")
-    return f"{_SOURCE.removesuffix('.c')}-{mark:08x}-{sys.platform}-{machine}.so"
+    # With the ending of a library, Python would take it for a module of the package.
+    return f"{_SOURCE.removesuffix('.c')}-{mark:08x}-{sys.platform}-{machine}.library"
 
 
 def _found() -> tuple[ctypes.CDLL | None, str]:
