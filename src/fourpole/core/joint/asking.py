@@ -330,10 +330,10 @@ def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Probl
 
 def _tried(problem: Problem, before: Solution, z: FloatArray) -> tuple[Problem, Solution]:
     """The solution of a trial; a search that leaves most of a large misfit is not followed to its end."""
-    problem, after = solve_either(problem, before.stiffness, z, _STEPS, before.slope)
+    problem, after = solve_either(problem, before.stiffness, z, _STEPS, before.slope, rough=True)
     if after.converged or after.objective > max(_MOST_LEFT * before.objective, _MUCH * problem.observed.omega.size):
         return problem, after
-    return solve_either(problem, after.stiffness, after.z, slope=after.slope)
+    return solve_either(problem, after.stiffness, after.z, slope=after.slope, rough=True)
 
 
 def _trial(problem: Problem, solution: Solution, group: Group, factor: float, outlier: FloatArray) -> Trial | None:

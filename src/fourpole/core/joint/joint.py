@@ -20,7 +20,7 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import PARTS_OF_RUN, STEPS, Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either
+from fourpole.core.joint.solve import Problem, Solution, solution_of_part, solve_either
 from fourpole.core.joint.specimens import Misfit
 from fourpole.core.joint.unstated import PRESLIDING_STD
 from fourpole.core.phasor import SYMBOLS, Phasors
@@ -96,6 +96,23 @@ class Joint(ByValue):
     def found_std(self) -> FloatArray:
         """Standard uncertainties of `found`, each in its unit, if all statements as last widened are true."""
         return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
+
+    def part(self, rows: BoolArray) -> Joint:
+        """Some of the tests (N,), and what these alone say about the same values."""
+        kept = rows[self.order]
+        problem, solution = solution_of_part(self.problem, self.solution, kept)
+        order = (np.cumsum(rows) - 1)[self.order[kept]]
+        return replace(
+            self,
+            problem=problem,
+            solution=solution,
+            order=order,
+            condition=problem.conditions.label[np.argsort(order)],
+            residuals=self.residuals.part(rows),
+            outlier=self.outlier[rows],
+            two_roots=self.two_roots[rows],
+            support=np.broadcast_to(self.support, kept.shape)[kept],
+        )
 
 
 def solve_joint(
