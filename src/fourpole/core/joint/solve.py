@@ -36,7 +36,7 @@ _CLOSE = 1e-2
 #: If the tests do not distinguish two shared values, the minimum is a curved valley in which every step is long.
 _FLAT, _FLAT_STEPS, _FLAT_SHARE = 0.01, 8, 0.1
 #: A search that leaves more than this of each test is in vain, and has converged if it falls by less than this share.
-_MUCH, _VAIN = 40.0, 0.01
+MUCH, _VAIN = 40.0, 0.01
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _ALLOWED_RISE = 1e-3
 #: Steps of K* alone that are tried before a step that raises the objective is halved.
@@ -319,8 +319,10 @@ def solve(
                 break
         else:
             before = (z, stiffness, step)
-            vain = _VAIN * max(0.0, step.objective - _MUCH * problem.conditions.label.size)
-            flat = 0 if step.objective < lowest[2].objective - _FLAT - vain else flat + (share >= _FLAT_SHARE or vain > 0)
+            vain = _VAIN * max(0.0, step.objective - MUCH * problem.conditions.label.size)
+            flat = (
+                0 if step.objective < lowest[2].objective - _FLAT - vain else flat + (share >= _FLAT_SHARE or vain > 0)
+            )
             lowest = before if flat == 0 or step.objective < lowest[2].objective else lowest
             share = min(1.0, 2 * share)
             if step.size() < _SMALL or (rough and step.fall < _SLIGHT * max(1.0, step.objective / _ROUGHLY)):
