@@ -15,7 +15,7 @@ from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
 from fourpole.core.joint.belts import explained, explains_more, is_possible, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
-from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, gross_errors, residuals
+from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, contradicted_by_neighbours, gross_errors, residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import is_vain, reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
@@ -192,6 +192,8 @@ def solve_joint(
     )
     supported = support * rig.preload_stiffness / observed.omega
     problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
+    if misfit.fits and (wrong := contradicted_by_neighbours(problem, solution)):
+        misfit = replace(misfit, fits=False, candidates=wrong, tied=len(wrong))
     back = np.argsort(order)
     return Joint(
         problem=problem,
