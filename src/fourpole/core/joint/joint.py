@@ -192,7 +192,8 @@ def solve_joint(
     )
     supported = support * rig.preload_stiffness / observed.omega
     problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
-    if misfit.fits and (wrong := contradicted_by_neighbours(problem, solution)):
+    unnamed = misfit.fits or not misfit.candidates
+    if unnamed and (wrong := contradicted_by_neighbours(problem, solution)):
         misfit = replace(misfit, fits=False, candidates=wrong, tied=len(wrong))
     back = np.argsort(order)
     return Joint(

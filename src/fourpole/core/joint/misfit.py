@@ -404,10 +404,11 @@ class _Lines:
         at = np.log(conditions.mean_frequency[place])
         below = (at[:, 2] - at[:, 1]) / (at[:, 2] - at[:, 0])
         weight = np.stack([-below, np.ones(middle.size), below - 1.0], axis=1)
-        root = np.linalg.cholesky(solution.covariance)
+        values, vectors = np.linalg.eigh(solution.covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
         by = -np.array([1.0, 1.0j]) @ (solution.slope[place] @ root)
         own = np.trace(solution.own, axis1=1, axis2=2)[place] / 2
-        u = np.sqrt(own[:, 1] + np.sum(np.abs(by[:, 1]) ** 2, axis=1) / 2)
+        u = np.sqrt(own[:, 1] + np.sum(np.abs(by[:, 1]) ** 2, axis=1) / 2 + NEGLIGIBLE**2)
         return cls(np.log(solution.stiffness)[place], weight, by, np.sum(weight**2 * own, axis=1), u, root)
 
     def _rest(self, move: FloatArray) -> ComplexArray:
