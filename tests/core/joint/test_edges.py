@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.components import component
-from fourpole.core.joint import asking, belts, joint, reconcile, scatter, specimens
+from fourpole.core.joint import asking, belts, joint, misfit, reconcile, scatter, specimens
 from fourpole.core.joint import unseen as unseen_module
 from fourpole.core.joint.asking import Group, tie
 from fourpole.core.joint.belts import is_possible
@@ -201,6 +201,20 @@ def scattered(share):
     return scatter._that_matters(2.0 * np.sqrt(share), noise) > 0
 
 
+def named(shift=9.0, rise=99.0, second=0.0):
+    """Number of the values that neighbouring frequencies contradict, by the shift of K*, the rise, and a second pull."""
+    move = np.array([5.0, 5.0 * second])
+    lines = MagicMock(root=np.eye(2))
+    lines.evidence.side_effect = lambda at, size: rise * float(at @ at > 0)
+    lines.step.side_effect = lambda at, size: move - at
+    lines.shift.return_value = shift
+    rows = [SharedParameter(Source(Kind.GAIN, of), "1", at, 1.0, 0.01) for at, of in enumerate(("V1", "V2"))]
+    problem = SimpleNamespace(shared=Shared(RIG, tuple(rows), np.zeros(0)))
+    solution = SimpleNamespace(covariance=np.eye(2), z=np.zeros(2))
+    with patch.object(misfit._Lines, "of", return_value=lines):
+        return len(misfit.contradicted_by_neighbours(problem, solution))
+
+
 def searched(left):
     """Number of first masses that are tried of belts and rods, by what they leave for each test."""
     solution = SimpleNamespace(converged=True, objective=9 * left, evidence=0.0)
@@ -292,6 +306,9 @@ EDGES = {
     "size with which a group begins, a thirtieth": (first_size, {"amplitude": 0.033333}),
     "parts of a run, 8": (lambda n: len(set(joint.parts_of_run(np.zeros(n), np.arange(n)).tolist())), {7: 7, 16: 8}),
     "repeats of a median, 6": (by_median, {5: False, 6: True}),
+    "K* of neighbours moves by 3 u": (named, {2.97: 0, 3.03: 1}),
+    "and the evidence rises by 5": (lambda rise: named(rise=rise), {4.95: 0, 5.05: 1}),
+    "as another value that moves by 80 %": (lambda second: named(second=second), {0.79: 1, 0.81: 2}),
     "scatter that matters, 2 % of the variance": (scattered, {0.0196: False, 0.0204: True}),
     "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
     "frequencies of one condition, 1.05 %": (lambda x: grouped(10.0, 10 * x), {1.0104: 1, 1.0106: 2}),

@@ -39,8 +39,9 @@ _FLAT, _FLAT_STEPS, _FLAT_SHARE = 0.01, 8, 0.1
 MUCH, _VAIN = 40.0, 0.01
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _ALLOWED_RISE = 1e-3
-#: Steps of K* alone that are tried before a step that raises the objective is halved.
-_CORRECTIONS = 4
+#: Steps of K* alone that are tried before a step that raises the objective is halved, as long as each takes this share
+#: of the rise away.
+_CORRECTIONS, _USEFUL = 4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,9 +321,8 @@ def solve(
         else:
             before = (z, stiffness, step)
             vain = _VAIN * max(0.0, step.objective - MUCH * problem.conditions.label.size)
-            flat = (
-                0 if step.objective < lowest[2].objective - _FLAT - vain else flat + (share >= _FLAT_SHARE or vain > 0)
-            )
+            falls = step.objective < lowest[2].objective - _FLAT - vain
+            flat = 0 if falls else flat + (share >= _FLAT_SHARE or vain > 0)
             lowest = before if flat == 0 or step.objective < lowest[2].objective else lowest
             share = min(1.0, 2 * share)
             if step.size() < _SMALL or (rough and step.fall < _SLIGHT * max(1.0, step.objective / _ROUGHLY)):
@@ -341,7 +341,7 @@ def solve(
                 break
             follows = moved(stiffness, step.own_step)
             after = sweep(problem, z, follows, best.slope)
-            useful = step.objective - after.objective > 0.5 * (step.objective - best.objective)
+            useful = step.objective - after.objective > _USEFUL * (step.objective - best.objective)
             stiffness, step = (follows, after) if after.objective < step.objective else (stiffness, step)
             if not useful:
                 break
