@@ -202,7 +202,7 @@ def scattered(share):
 
 
 def named(shift=9.0, rise=99.0, second=0.0):
-    """Number of the values that neighbouring frequencies contradict, by the shift of K*, the rise, and a second pull."""
+    """Number of the values that neighbouring frequencies contradict, by shift of K*, rise and a second pull."""
     move = np.array([5.0, 5.0 * second])
     lines = MagicMock(root=np.eye(2))
     lines.evidence.side_effect = lambda at, size: rise * float(at @ at > 0)
