@@ -67,6 +67,19 @@ def test_uncertainties_are_those_of_many_laboratories(name):
         assert not any(joint.problem.shared.has_belts for joint, _ in each)
 
 
+@pytest.mark.parametrize("seed", [2, 4])
+@pytest.mark.sampled(2)
+def test_a_frame_that_resonates_is_asked_for_by_each_form(seed):
+    """Without the frame neither a belt nor a rod explains the tests, and masses at both ends of the specimen do."""
+    lab = Lab(rod=2.2, k=2.2e5, share=1.0, frequencies=tuple(np.geomspace(6, 36, 12)), frame=(1.07e6, 144.0),
+              std=(0.0015, 0.005, 1e-4), sensors=(0.002, np.deg2rad(0.05)))  # fmt: skip
+    joint, off = solved(lab, seed, bodies={"": Body(share=1.0)})
+    assert joint.problem.shared.has_belts
+    assert np.abs(off).max() < 4
+    found = found_specimens(joint.problem, joint.solution)[0]
+    assert abs(found.specimen.mass - 2.2) < 4 * found.mass_std
+
+
 @pytest.mark.sampled(4)
 def test_a_second_mass_is_not_ok():
     joint, _ = solved(Lab(frequencies=LABS["car to 60 Hz"].frequencies, second=2.0), 3)
