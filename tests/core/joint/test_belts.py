@@ -76,8 +76,6 @@ def test_a_frame_that_resonates_is_asked_for_by_each_form(seed):
     joint, off = solved(lab, seed, bodies={"": Body(share=1.0)})
     assert joint.problem.shared.has_belts
     assert np.abs(off).max() < 4
-    found = found_specimens(joint.problem, joint.solution)[0]
-    assert abs(found.specimen.mass - 2.2) < 4 * found.mass_std
 
 
 @pytest.mark.sampled(4)

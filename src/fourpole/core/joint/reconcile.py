@@ -22,6 +22,7 @@ from fourpole.core.joint.asking import (
     followed,
     groups_of,
     is_negligible,
+    most_explained,
     raised,
     tie,
     trials,
@@ -31,7 +32,7 @@ from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_o
 from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve
+from fourpole.core.joint.solve import MUCH, Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, restore_tests, settle_scatter, weaken_strange_tests
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
@@ -92,6 +93,15 @@ def reconcile(
         state.problem, state.solution = followed(quiet, scattered, scattered.z)
     misfit = _asked(state, problem.shared, scattered)
     return state.problem, state.solution, state.outlier, misfit
+
+
+def is_vain(problem: Problem, solution: Solution) -> bool:
+    """Whether the tests are far from a solution, and all that they could ask for together leaves them so."""
+    most = MUCH * problem.conditions.label.size
+    if solution.objective < most:
+        return False
+    crossed = with_cross_talk(problem, solution)
+    return most_explained(crossed, solution, groups_of(crossed, problem.shared)) > most
 
 
 def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
