@@ -190,8 +190,15 @@ def first_size(_):
 def by_median(count):
     """Whether the scatter of K* is that by the median, of so many repeats."""
     conditions = SimpleNamespace(label=np.zeros(count, int), first=0, sizes=np.array([count]))
+    noise = scatter.Deviations(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)))
     with patch.multiple(scatter, root_of=lambda function: 1.0, scatter_of=lambda *given: 0.0):
-        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), None) == 1.0
+        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), noise) == 1.0
+
+
+def scattered(share):
+    """Whether a scatter with this share of the variance by the noise is one."""
+    noise = scatter.Deviations(np.zeros((3, 2)), np.tile(4.0 * np.eye(2), (3, 1, 1)))
+    return scatter._that_matters(2.0 * np.sqrt(share), noise) > 0
 
 
 def forms(gain, fits):
@@ -305,6 +312,7 @@ EDGES = {
     "size with which a group begins, a thirtieth": (first_size, {"amplitude": 0.033333}),
     "parts of a run, 8": (lambda n: len(set(joint.parts_of_run(np.zeros(n), np.arange(n)).tolist())), {7: 7, 16: 8}),
     "repeats of a median, 6": (by_median, {5: False, 6: True}),
+    "scatter that matters, 2 % of the variance": (scattered, {0.0196: False, 0.0204: True}),
     "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
     "belt beside massless ones that fit, 5 from 5": (
         lambda gain: forms(gain, fits=True),
