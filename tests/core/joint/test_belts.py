@@ -9,6 +9,7 @@ from tests.core.joint.inertia import LABS, Lab
 
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.belts import found_specimens, own_stiffness, with_belts
+from fourpole.core.joint.joint import _held
 from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Kind
@@ -76,6 +77,22 @@ def test_a_frame_that_resonates_is_asked_for_by_each_form(seed):
     joint, off = solved(lab, seed, bodies={"": Body(share=1.0)})
     assert joint.problem.shared.has_belts
     assert np.abs(off).max() < 4
+
+
+def test_the_uncertainty_holds_explanations_that_are_as_probable():
+    """Two forms whose K* is 1 % and 0.02 rad apart, of which one contradicts the statement."""
+    lab = replace(LABS["massless"], frequencies=(10.0, 24.0))
+    joint, _ = solved(lab, 1)
+    other = replace(joint.solution, stiffness=joint.solution.stiffness * np.exp(0.01 - 0.02j))
+    contradicts = replace(joint.misfit, fits=False, tied=3)
+    given = [(joint.problem, joint.solution, joint.outlier, joint.misfit), (None, other, None, contradicts)]
+    _, held, _, misfit = _held(given)
+    more = [[1e-4, -2e-4], [-2e-4, 4e-4]]
+    assert held.own - joint.solution.own == pytest.approx(np.tile(more, (2, 1, 1)), rel=1e-9)
+    assert not misfit.fits
+    assert misfit.tied == 3
+    alone = _held(given[:1])[1]
+    assert np.array_equal(alone.own, joint.solution.own)
 
 
 @pytest.mark.sampled(4)
