@@ -226,16 +226,16 @@ def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tupl
 
 
 def trials(
-    problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray, scattered: Solution
+    problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray, with_scatter: Solution
 ) -> list[Trial]:
     """The groups that explain the tests best, each raised and solved for by itself; the best first.
 
-    Scatter of K* that is left out may drive a search far away, so that its trial begins at the solution `scattered`.
+    Scatter of K* that is left out may drive a search far away, so that its trial begins at the solution `with_scatter`.
     """
     tried = [*_screened(problem, solution, groups)][:_TRIED]
     made = [_trial(problem, solution, group, factor, outlier) for _, group, factor in tried]
-    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, scattered, outlier)):
-        made.append(_trial(problem, solution, SCATTER, scatter, outlier, scattered))
+    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, with_scatter, outlier)):
+        made.append(_trial(problem, solution, SCATTER, scatter, outlier, with_scatter))
     if any(group is STRANGE for group in groups):
         scattered = next((trial for trial in made if trial is not None and trial.group is SCATTER), None)
         made.append(_strange(problem, solution, scattered, outlier))
