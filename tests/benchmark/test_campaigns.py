@@ -60,6 +60,19 @@ def test_fourpole_answers_by_its_command_line(work):
     assert given == {(test, quantity) for test, quantity in asked if quantity not in ("K'", "K''")}
 
 
+@pytest.mark.parametrize("name", ["O101", "O102", "O112"])
+@pytest.mark.sampled(3)
+def test_a_light_specimen_is_no_mass_of_the_rig(tmp_path, name):
+    """Campaigns of no tier: masses of the rig, a belt and a rod explain them nearly as well."""
+    make(name, tmp_path / "data", tmp_path / "truth", clean=False)
+    values = pl.DataFrame(command.answer_apart(method("fourpole joint"), tmp_path / "data" / name)["values"])
+    truth = pl.read_csv(tmp_path / "truth" / name / "values.csv")
+    rows = truth.join(values, on=["test", "frequency [Hz]", "quantity"]).filter(pl.col("verdict") != "rejected")
+    off = ((rows["value"] - rows["truth"]) / rows["u"]).to_numpy()
+    assert np.sqrt(np.mean(off**2)) < 1.5
+    assert np.abs(off).max() < 4
+
+
 def test_an_adapter_sees_no_truth(work):
     seen = {}
 

@@ -17,7 +17,8 @@ class Lab:
     """A specimen and a rig: belt [kg] with its first frequency [Hz], rim held; share of the springs, and their law.
 
     `law`: both springs of one law, a constant one at the rim, or the paper's arm in both. `second` is a further mass in
-    the spring at the rim [kg], `rod` a mass that is spread along a specimen of stiffness `k` [N/m].
+    the spring at the rim [kg], `rod` a mass that is spread along a specimen of stiffness `k` [N/m]. `frame` has the
+    stiffness [N/m] and the mass [kg] of a frame behind the preload spring, which nobody states.
     """
 
     belt: float = 7.0
@@ -34,6 +35,7 @@ class Lab:
     std: tuple = (0.007, 0.005, 1e-4)
     sensors: tuple = (0.005, np.deg2rad(0.1))
     noise: float = 2e-4
+    frame: tuple = ()
 
     def springs(self, frequency, condition):
         """Stiffness at the contact and at the rim [N/m]."""
@@ -77,7 +79,11 @@ class Lab:
         mass, spring = np.array(self.rig) * (1 + np.array(self.std[:2]) * rng.standard_normal(2))
         weighed = added * (1 + self.std[2] * rng.standard_normal())
         omega = 2 * np.pi * frequency
-        wheel = spring + 20j * omega - omega**2 * (mass + weighed)
+        leaf = spring + 20j * omega
+        if self.frame:
+            behind = self.frame[0] * (1 + 0.05j) - omega**2 * self.frame[1]
+            leaf = leaf * behind / (leaf + behind)
+        wheel = leaf - omega**2 * (mass + weighed)
         rows = zip(frequency, condition, wheel, strict=True)
         stiffness, force, ratio = np.array([self.test(*row) for row in rows]).T
         amplitudes = 0.06 * np.stack([force / (1j * omega), np.ones(omega.size), ratio], axis=1)

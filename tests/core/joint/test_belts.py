@@ -9,6 +9,7 @@ from tests.core.joint.inertia import LABS, Lab
 
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.belts import found_specimens, own_stiffness, with_belts
+from fourpole.core.joint.joint import _held
 from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Kind
@@ -65,6 +66,33 @@ def test_uncertainties_are_those_of_many_laboratories(name):
     assert np.all(np.mean(off**2, axis=0) < stats.chi2.isf(1e-3, len(each)) / len(each))
     if name == "massless":
         assert not any(joint.problem.shared.has_belts for joint, _ in each)
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+@pytest.mark.sampled(2)
+def test_a_frame_that_resonates_is_asked_for_by_each_form(seed):
+    """Without the frame neither a belt nor a rod explains the tests, and masses at both ends of the specimen do."""
+    lab = Lab(rod=2.2, k=2.2e5, share=1.0, frequencies=tuple(np.geomspace(6, 36, 12)), frame=(1.07e6, 144.0),
+              std=(0.0015, 0.005, 1e-4), sensors=(0.002, np.deg2rad(0.05)))  # fmt: skip
+    joint, off = solved(lab, seed, bodies={"": Body(share=1.0)})
+    assert joint.problem.shared.has_belts
+    assert np.abs(off).max() < 4
+
+
+def test_the_uncertainty_holds_explanations_that_are_as_probable():
+    """Two forms whose K* is 1 % and 0.02 rad apart, of which one contradicts the statement."""
+    lab = replace(LABS["massless"], frequencies=(10.0, 24.0))
+    joint, _ = solved(lab, 1)
+    other = replace(joint.solution, stiffness=joint.solution.stiffness * np.exp(0.01 - 0.02j))
+    contradicts = replace(joint.misfit, fits=False, tied=3)
+    given = [(joint.problem, joint.solution, joint.outlier, joint.misfit), (None, other, None, contradicts)]
+    _, held, _, misfit = _held(given)
+    more = [[1e-4, -2e-4], [-2e-4, 4e-4]]
+    assert held.own - joint.solution.own == pytest.approx(np.tile(more, (2, 1, 1)), rel=1e-9)
+    assert not misfit.fits
+    assert misfit.tied == 3
+    alone = _held(given[:1])[1]
+    assert np.array_equal(alone.own, joint.solution.own)
 
 
 @pytest.mark.sampled(4)

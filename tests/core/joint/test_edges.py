@@ -133,7 +133,7 @@ def followed(left, tests=1):
     before = SimpleNamespace(objective=1000.0, stiffness=None, slope=None)
     problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(tests)))
     with patch.object(asking, "solve_either", return_value=(problem, after)) as solve:
-        asking._tried(problem, before, None)
+        asking.followed(problem, before, None)
     return solve.call_count == 2
 
 
@@ -215,10 +215,30 @@ def named(shift=9.0, rise=99.0, second=0.0):
         return len(misfit.contradicted_by_neighbours(problem, solution))
 
 
+def forms(gain, fits):
+    """Forms that explain the tests, the most probable first, by the gain of a belt over massless ones."""
+    solution = SimpleNamespace(converged=True, objective=0.0, stiffness=None, z=None)
+    massless, belt = (("massless", solution, None, Misfit(fits=fits)), ("belt", solution, None, Misfit()))
+    parts = {"explained": [(gain, Misfit(), solution)], "reconcile": belt, "solve_either": (None, solution)}
+    parts |= {"robust_scatter": 0.0, "deviations": None, "is_possible": True}
+    given = {name: MagicMock(return_value=value) for name, value in parts.items()}
+    with patch.multiple(joint, _weight=lambda made, plain: gain if made[0] == "belt" else 0.0, **given):
+        return " ".join(made[0] for made in joint._with_masses(None, None, {}, massless, stated=False))
+
+
+def restored(whole):
+    """Whether a weakened test has its weight again, by its squared residual with that weight."""
+    state = SimpleNamespace(outlier=np.array([1.0, 100.0, 1.0, 1.0]), problem=None, solution=None)
+    left = SimpleNamespace(whole=np.array([1.0, whole / 100, 1.0, 1.0]))
+    with patch.multiple(specimens, residuals=lambda *given: left, _weaken=MagicMock()):
+        specimens.restore_tests(state)
+        return specimens._weaken.called
+
+
 def searched(left):
     """Number of first masses that are tried of belts and rods, by what they leave for each test."""
     solution = SimpleNamespace(converged=True, objective=9 * left, evidence=0.0)
-    parts = {"with_belts": lambda *given, **how: None, "_first": lambda *given: None}
+    parts = {"with_belts": lambda *given, **how: None, "_first": lambda *given: None, "weight_of": lambda *given: 0.0}
     problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(9)), shared=SimpleNamespace(rig=RIG))
     with patch.multiple(belts, _searched=MagicMock(return_value=(None, solution)), **parts):
         belts.explained(problem, {}, None)
@@ -311,6 +331,15 @@ EDGES = {
     "as another value that moves by 80 %": (lambda second: named(second=second), {0.79: 1, 0.81: 2}),
     "scatter that matters, 2 % of the variance": (scattered, {0.0196: False, 0.0204: True}),
     "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
+    "belt beside massless ones that fit, 5 from 5": (
+        lambda gain: forms(gain, fits=True),
+        {-0.1: "massless", 0.1: "massless belt", 4.9: "massless belt", 5.1: "belt massless", 10.1: "belt"},
+    ),
+    "belt beside massless ones that do not fit, 5 from 0": (
+        lambda gain: forms(gain, fits=False),
+        {-5.1: "massless", -0.1: "massless belt", 0.1: "belt massless", 5.1: "belt"},
+    ),
+    "test that is no longer strange, 50": (restored, {49.0: True, 51.0: False}),
     "frequencies of one condition, 1.05 %": (lambda x: grouped(10.0, 10 * x), {1.0104: 1, 1.0106: 2}),
     "frequencies of one condition, 1.61 % in all": (
         lambda x: grouped(10.0, 10.08, 10 * x), {1.016: 1, 1.0163: 2},

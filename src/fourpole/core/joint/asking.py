@@ -225,12 +225,17 @@ def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tupl
     return replace(problem, shared=replace(problem.shared, parameters=tuple(listed))), z
 
 
-def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray) -> list[Trial]:
-    """The groups that explain the tests best, each raised and solved for by itself; the best first."""
+def trials(
+    problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray, with_scatter: Solution
+) -> list[Trial]:
+    """The groups that explain the tests best, each raised and solved for by itself; the best first.
+
+    Scatter of K* that is left out may drive a search far away, so that its trial begins at the solution `with_scatter`.
+    """
     tried = [*_screened(problem, solution, groups)][:_TRIED]
-    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, solution, outlier)):
-        tried.append((np.inf, SCATTER, scatter))
     made = [_trial(problem, solution, group, factor, outlier) for _, group, factor in tried]
+    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, with_scatter, outlier)):
+        made.append(_trial(problem, solution, SCATTER, scatter, outlier, with_scatter))
     if any(group is STRANGE for group in groups):
         scattered = next((trial for trial in made if trial is not None and trial.group is SCATTER), None)
         made.append(_strange(problem, solution, scattered, outlier))
@@ -331,28 +336,36 @@ def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Probl
     """The problem with a scatter `own` (c,) of each condition, and its solution."""
     apart = np.append(own, 0.0)[problem.conditions.label]
     wider = replace(problem, apart=np.hypot(apart, 0.0 if problem.apart is None else problem.apart))
-    return _tried(wider, solution, solution.z)
+    return followed(wider, solution, solution.z)
 
 
-def _tried(problem: Problem, before: Solution, z: FloatArray) -> tuple[Problem, Solution]:
-    """The solution of a trial; a search that leaves most of a large misfit is not followed to its end."""
+def followed(problem: Problem, before: Solution, z: FloatArray) -> tuple[Problem, Solution]:
+    """The solution from one before; a search that leaves most of a large misfit is not followed to its end."""
     problem, after = solve_either(problem, before.stiffness, z, _STEPS, before.slope, rough=True)
     if after.converged or after.objective > max(_MOST_LEFT * before.objective, MUCH * problem.observed.omega.size):
         return problem, after
     return solve_either(problem, after.stiffness, after.z, slope=after.slope, rough=True)
 
 
-def _trial(problem: Problem, solution: Solution, group: Group, factor: float, outlier: FloatArray) -> Trial | None:
+def _trial(
+    problem: Problem,
+    solution: Solution,
+    group: Group,
+    factor: float,
+    outlier: FloatArray,
+    start: Solution | None = None,
+) -> Trial | None:
     """A group raised and solved for; None if its size is impossible or the search fails.
 
     Scatter that was raised before may have been the group: what is left of it counts.
     """
-    wider, z = raised(problem, solution.z, group, factor)
-    wider, after = _tried(wider, solution, z)
+    start = start or solution
+    wider, z = raised(problem, start.z, group, factor)
+    wider, after = followed(wider, start, z)
     gain = -0.5 * np.log(max(factor, 1.0)) - group.cost
     if group is not SCATTER and problem.scatter:
         less = min(_scatter(wider, after, outlier) * SCATTER.parameters[0].std, problem.scatter)
-        wider, after = _tried(replace(wider, scatter=less), after, after.z)
+        wider, after = followed(replace(wider, scatter=less), after, after.z)
     if wider.scatter != problem.scatter:
         gain += volume(replace(problem, scatter=wider.scatter), solution) - volume(problem, solution)
     gain += after.evidence - solution.evidence

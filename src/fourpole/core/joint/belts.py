@@ -1,7 +1,7 @@
 """Specimens with a mass of their own: its priors, first values, and a choice by the evidence of all tests.
 
 A tyre's belt is a large error of a massless model, and then other parts are blamed for it. So the tests are explained
-twice, without and with a mass in each specimen, each time with all that they ask for; see `fourpole.core.specimen`.
+by massless specimens, by belts and by rods, each time with all that they ask for; see `fourpole.core.specimen`.
 """
 
 from __future__ import annotations
@@ -88,25 +88,30 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
     return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
-def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution]:
-    """The most probable belts or rods of all specimens, from several first masses; one that converges if any does.
+def explained(
+    problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray
+) -> list[tuple[float, Problem, Solution]]:
+    """Belts of all specimens, and rods where these may be some: the most probable of each form, with its `weight_of`.
 
-    A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is one.
+    Each is searched from several first masses, and one that converges counts before others. The most probable form is
+    the first. A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is
+    one.
     """
     may_be_rods = all(body.is_block for body in bodies.values())
-    made, good = [], False
-    forms = [False, True] if may_be_rods else [False]  # rods are searched once if belts leave nothing
+    forms, good = [False, True] if may_be_rods else [False], False  # rods are searched once if belts leave nothing
     if may_be_rods and any(body.spread is not None for body in bodies.values()):
         forms.remove(False)
+    best = []
     for rod in forms:
-        wide = with_belts(problem, bodies, stiffness, rod=rod)
+        wide, made = with_belts(problem, bodies, stiffness, rod=rod), []
         for share in _STARTS:
             found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
-            made.append((found, solution))
+            made.append((weight_of(found, solution, problem, 0), found, solution))
             good |= solution.converged and solution.objective < _GOOD * problem.observed.omega.size
             if good:
                 break
-    return max(made, key=lambda one: (one[1].converged, one[1].evidence))
+        best.append(max(made, key=lambda one: (one[2].converged, one[0])))
+    return sorted(best, key=lambda one: (one[2].converged, one[0]), reverse=True)
 
 
 def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> bool:

@@ -191,7 +191,7 @@ def solve_joint(
         support=support,
     )
     supported = support * rig.preload_stiffness / observed.omega
-    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
+    problem, solution, outlier, misfit = _held(_reconciled(problem, channels, bodies or {}, supported))
     unnamed = misfit.fits or not misfit.candidates
     if unnamed and (wrong := contradicted_by_neighbours(problem, solution)):
         misfit = replace(misfit, fits=False, candidates=wrong, tied=len(wrong))
@@ -251,14 +251,17 @@ def of_specimens(
 
 
 _Explained = tuple[Problem, Solution, FloatArray, Misfit]
+#: The misfit of tests that were not asked what would explain them.
+_UNASKED = Misfit(fits=False)
 
 
 def _reconciled(
     problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body], support: FloatArray
-) -> _Explained:
+) -> list[_Explained]:
     """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit.
 
     Where massless specimens do not explain the tests as they are stated, the specimens may have a mass of their own.
+    Other explanations that are nearly as probable come after the most probable one.
     """
     as_stated = np.zeros(len(problem.shared))
     start = closed_form_start(problem.observed, problem.conditions, problem.shared, channels)
@@ -273,38 +276,57 @@ def _reconciled(
     stated = any(body.mass_std > 0 for body in bodies.values())
     gross = any(cause.form in UNITS_AND_SIGNS for cause in massless[3].candidates)  # no mass looks like these
     if gross or (not stated and _is_enough(massless, bodies)):
-        return massless
+        return [massless]
     few = problem.thinned(_MANY)
-    if few is not problem and not stated:
+    if few.observed.omega.size < problem.observed.omega.size and not stated:
         first = closed_form_start(few.observed, few.conditions, few.shared, channels)
-        if _with_masses(few, first, bodies, _massless(few, first, hasty=True), stated=False) is None:
-            return massless
+        of_few = _with_masses(few, first, bodies, _massless(few, first, hasty=True), stated=False)
+        if not any(made[0].shared.has_belts for made in of_few):
+            return [_massless(problem, start, hasty=False) if massless[3] is _UNASKED else massless]
     found = _with_masses(problem, start, bodies, massless, stated=stated)
-    if found is None or found[1].objective > MUCH * problem.conditions.label.size:
+    if found[0][1].objective > MUCH * problem.conditions.label.size:
         massless = _massless(problem, start, hasty=False)
         found = _with_masses(problem, start, bodies, massless, stated=stated)
-    return found or massless
+    return found
 
 
 def _with_masses(
     problem: Problem, start: ComplexArray, bodies: Mapping[str, Body], massless: _Explained, *, stated: bool
-) -> _Explained | None:
-    """The tests explained by specimens with a mass of their own; None if massless ones explain them as well."""
-    wide, solution = explained(problem, bodies, start)
-    if not (solution.converged or stated):  # a stated mass is there, whatever else keeps the search from an end
-        return None
-    first = solution.stiffness, solution.z
-    scatter = robust_scatter(wide, deviations(wide, solution.z, solution.stiffness))
-    scattered, solution = solve_either(replace(wide, scatter=scatter), *first)
-    known = _weight(massless, problem)
-    # Where massless specimens fit, nothing that reconciling could raise stands in the way of the masses.
-    if massless[3].fits and not stated and weight_of(scattered, solution, problem, 0) < known + GAIN:
-        return None
-    with_belt = reconcile(scattered, solution, first)
-    gain = _weight(with_belt, problem) - known
-    if not is_possible(*with_belt[:2]):
-        return None
-    return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
+) -> list[_Explained]:
+    """The most probable explanation, and after it those within `GAIN`: massless specimens, belts, or rods.
+
+    Each has all that it asks for. A mass that nobody stated has to gain as much as anything else that is asked for, but
+    a contradiction of the statement by massless specimens costs as much.
+    """
+    known, rare = _weight(massless, problem), GAIN if massless[3].fits and not stated else 0.0
+    found = [] if stated else [(known, massless)]
+    for searched, wide, solution in explained(problem, bodies, start):
+        if not (solution.converged or stated):  # a stated mass is there, whatever else keeps the search from an end
+            continue
+        best, other = max(found, key=lambda one: one[0], default=(-np.inf, massless))
+        # What is asked for gains at most half of what is left beyond the best, and nothing where massless ones fit.
+        most = 0.0 if massless[3].fits and not stated else 0.5 * (solution.objective - other[1].objective)
+        if searched - rare + max(most, 0.0) < best - GAIN:
+            continue
+        first = solution.stiffness, solution.z
+        scatter = robust_scatter(wide, deviations(wide, solution.z, solution.stiffness))
+        made = reconcile(*solve_either(replace(wide, scatter=scatter), *first), first)
+        if is_possible(*made[:2]):
+            weight = max(searched, _weight(made, problem))  # what ties with the best makes it no less probable
+            found.append((weight - rare, (*made[:3], replace(made[3], belts=weight - known))))
+    found.sort(key=lambda one: -one[0])
+    return [made for weight, made in found if weight > found[0][0] - GAIN] or [massless]
+
+
+def _held(explanations: Sequence[_Explained]) -> _Explained:
+    """The first explanation, whose uncertainty of K* holds that of the others, and which fits if all of them do."""
+    problem, solution, outlier, misfit = explanations[0]
+    off = np.log(np.array([other.stiffness for _, other, *_ in explanations]) / solution.stiffness)
+    parts = np.stack([off.real, off.imag], axis=-1)
+    own = solution.own + np.einsum("eci,ecj->cij", parts, parts)
+    contradicted = next((other for *_, other in explanations if not other.fits), misfit)
+    misfit = replace(misfit, fits=contradicted.fits, candidates=contradicted.candidates, tied=contradicted.tied)
+    return problem, replace(solution, own=own), outlier, misfit
 
 
 def _massless(problem: Problem, start: ComplexArray, *, hasty: bool) -> _Explained:
@@ -316,7 +338,7 @@ def _massless(problem: Problem, start: ComplexArray, *, hasty: bool) -> _Explain
         problem = without_rig(problem, as_stated, start, 1.0)
     problem, solution = solve_either(problem, start)
     if hasty and not gross and is_vain(problem, solution):
-        return problem, solution, np.ones(problem.conditions.label.size), Misfit(fits=False)
+        return problem, solution, np.ones(problem.conditions.label.size), _UNASKED
     return reconcile(problem, solution, (start, as_stated), gross)
 
 

@@ -19,6 +19,7 @@ from fourpole.core.joint.asking import (
     UNSTEADY,
     Group,
     Trial,
+    followed,
     groups_of,
     is_negligible,
     most_explained,
@@ -32,7 +33,7 @@ from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import MUCH, Problem, Solution, solve
-from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
+from fourpole.core.joint.specimens import Misfit, State, restore_tests, settle_scatter, weaken_strange_tests
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
 
@@ -48,6 +49,8 @@ _PRIOR_DOF = 4.0
 _NOTHING = 1e-6
 #: What is not white has no cause, unless the causes leave less than this share of the misfit.
 _LITTLE = 0.01
+#: Noise is as large as what is left of the tests if chi-square is at least this share of its degrees of freedom.
+_SETTLED = 0.95
 #: Largest number of rounds of asking.
 _MOST_ROUNDS = 4
 
@@ -84,9 +87,11 @@ def reconcile(
         return state.problem, state.solution, state.outlier, misfit
     state.problem = with_cross_talk(state.problem, state.solution)
     crossed = any(parameter.source.kind is Kind.CROSSTALK for parameter in problem.shared.parameters)
+    scattered = state.solution
     if state.problem.scatter or crossed:
-        state.solve(replace(state.problem, scatter=0.0))
-    misfit = _asked(state, problem.shared)
+        quiet = replace(state.problem, scatter=0.0)
+        state.problem, state.solution = followed(quiet, scattered, scattered.z)
+    misfit = _asked(state, problem.shared, scattered)
     return state.problem, state.solution, state.outlier, misfit
 
 
@@ -117,12 +122,12 @@ def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
     return replace(problem, observed=replace(observed, turns=turns))
 
 
-def _asked(state: State, stated: Shared) -> Misfit:
-    """Raise what the tests ask for, and then judge what is left."""
+def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
+    """Raise what the tests ask for, and then judge what is left; `scattered` is the solution with scatter of K*."""
     misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, STRANGE, UNSTEADY, NOISE], []
     before: Misfit | None = None
     for _ in range(_MOST_ROUNDS):
-        tried = trials(state.problem, state.solution, groups, state.outlier)
+        tried = trials(state.problem, state.solution, groups, state.outlier, scattered)
         tried += [trial for trial in _of_noise(state) if any(trial.group is group for group in groups)]
         together = tie(sorted(tried, key=lambda trial: -trial.gain))
         if not together:
@@ -131,7 +136,10 @@ def _asked(state: State, stated: Shared) -> Misfit:
             before = before or _chi2(state)
             causes.append([_cause(trial, state.solution) for trial in together])
         misfit = _raise(state, together, misfit)
+        scattered = state.solution
         groups = [group for group in groups if not any(trial.group is group for trial in together)]
+    if any(group is STRANGE for group in groups):  # no condition was set aside
+        restore_tests(state)
     misfit = _settled(state, misfit)
     misfit = replace(misfit, **_raised(state, stated))
     before = before or _chi2(state)
@@ -228,12 +236,15 @@ def _settle(state: State) -> None:
 def _settled(state: State, misfit: Misfit) -> Misfit:
     """The misfit with the scatter of K* that repeats show; chance may be the reason of a small one."""
     asked = state.problem.scatter > 0
-    chi2, dof = _whole(state)
-    if misfit.inflation > 1 and chi2 < dof:  # other groups have explained what seemed to be noise at first
+    for _ in range(_MOST_ROUNDS):
+        chi2, dof = _whole(state)
+        if misfit.inflation <= 1 or chi2 > _SETTLED * dof:
+            break
+        # Other groups have explained what seemed to be noise at first.
         square = max(chi2 / dof, misfit.inflation**-2)
         state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(square)))
         misfit = replace(misfit, inflation=misfit.inflation * float(np.sqrt(square)))
-    _settle(state)
+        _settle(state)
     return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
 
 

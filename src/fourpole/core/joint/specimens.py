@@ -120,6 +120,19 @@ def weaken_strange_tests(state: State) -> None:
         _weaken(state, np.where(strange, np.maximum(left.whole / 2, 1.0), 1.0))
 
 
+def restore_tests(state: State) -> None:
+    """Give back the weight of weakened tests that agree with the others, now that all that is asked for is raised."""
+    left = residuals(state.problem, state.solution).whole
+    agree = (state.outlier > 1) & (left * state.outlier < _limit(left))
+    if agree.any():
+        _weaken(state, np.where(agree, 1 / state.outlier, 1.0))
+
+
+def _limit(whole: FloatArray) -> float:
+    """Squared residual beyond which a test is strange, from those of all tests (N,)."""
+    return _OUTLIER * max(1.0, float(np.median(whole)) / MEDIAN)
+
+
 def _weaken(state: State, factor: FloatArray) -> None:
     """Enlarge the variance of tests by factors, and solve."""
     state.outlier = state.outlier * factor
@@ -150,9 +163,8 @@ def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
     mass or of the rigid blocks would be: a fault that such a group has in common is information about the rig.
     """
     whole, label = left.whole, state.problem.conditions.label
-    limit = _OUTLIER * max(1.0, float(np.median(whole)) / MEDIAN)
     before = state.outlier > 1
-    strange = whole > limit
+    strange = whole > _limit(whole)
     worst = np.zeros(int(label.max(initial=-1)) + 2)
     np.maximum.at(worst, label, whole)
     # If a condition has only two tests and they disagree, the data do not show which one is wrong.
