@@ -128,7 +128,7 @@ def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
     observed, stiffness = problem.observed, own_stiffness(problem, z)
     size = observed.whiten * np.abs(np.repeat(observed.amplitudes, 2, axis=1))[:, None, :]
     for noise in _NOISES:
-        before = solve(problem.widened(noise * size), stiffness, z)
+        before = solve(problem.widened(noise * size), stiffness, z, rough=True)
         stiffness, z = before.stiffness, before.z
     scatter = robust_scatter(problem, deviations(problem, z, stiffness))
     return solve_either(replace(problem, scatter=scatter), stiffness, z)
