@@ -39,14 +39,15 @@ class UnstatedFile(File):
     guide_friction: Annotated[float, si("force"), Field(ge=0)] | None = None
     frame: Annotated[float, si("stiffness"), Field(gt=0)] | None = None
 
-    def rig_std(self, *, rigid: bool) -> dict[str, float]:
+    def rig_std(self, *, rigid: bool, guided: bool) -> dict[str, float]:
         """Standard uncertainties of the support [1], of the friction [N], and of a bench's compliance [m/N].
 
-        `rigid` says that no stiffness of a frame is stated.
+        `rigid` says that no stiffness of a frame is stated, `guided` that the mass is no blocking mass, which hangs
+        freely in place of a force cell.
         """
         counted = self.ordinary == "table"
         support, frame = (defaults.SUPPORT_STD, defaults.FRAME_STD) if counted and rigid else (0.0, 0.0)
-        friction = defaults.FRICTION_STD if counted else 0.0
+        friction = defaults.FRICTION_STD if counted and guided else 0.0
         return {
             "support": support if self.support is None else self.support,
             "friction": friction if self.guide_friction is None else self.guide_friction,

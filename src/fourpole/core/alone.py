@@ -1,4 +1,4 @@
-"""K* and deflection of each test by itself, before tests are identified together, and its K' against K1.
+"""K* and deflection of each test by itself, its K' against K1, and its F1 against what V2 and the rig need.
 
 K1 may be that of another unit or specimen, V1 of another unit or sign, and K1 of two specimens exchanged.
 """
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
+from fourpole.core.confidence import CHANCE
+from fourpole.core.identify import BODY_AT, Answers, propagate
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import relative_route, stiffness_by
@@ -278,3 +280,53 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
     if usual > 0 and np.ptp(swapped) < alike * usual and abs(first - second) > unlike * usual:
         return first, second, usual
     return None
+
+
+#: Departure of F1 from what V2 and the rig need that is no contradiction, whatever is exact [1].
+_LEAST = 1e-4
+
+
+def shown_masses(answers: Answers, specimen: Sequence[str], bound: float) -> FloatArray:
+    """Mass of each test's specimen that F1 against V2 shows, and its uncertainty, as the root of their squares [kg].
+
+    Tests of one specimen share its mass. The errors of the channels are alike in them, so that the uncertainty is that
+    of the test which shows it best; `bound` [kg] is that before the tests. It is 0 where no test has F1 and V2.
+    """
+    off, covariance, by_mass = _imbalance(answers)
+    weighted = np.linalg.solve(covariance, by_mass[:, :, None])[:, :, 0]
+    known, names = np.asarray(np.isfinite(off).all(axis=1)), np.asarray(specimen, dtype=str)
+    information = np.sum(by_mass * weighted, axis=1)
+    drawn = np.sum(np.where(known[:, None], off, 0.0) * weighted, axis=1)
+    masses = np.zeros(names.size)
+    for name in np.unique(names[known]):
+        own = np.flatnonzero(np.equal(names, name))
+        mass = drawn[own].sum() / (information[own].sum() + bound**-2)
+        masses[own] = np.hypot(mass, (information[own].max() + bound**-2) ** -0.5)
+    return masses
+
+
+def largest_imbalance(answers: Answers, masses: FloatArray) -> FloatArray:
+    r"""Largest departure (N,) [1] of F1 from the force that V2 and the rig need which the uncertainties explain.
+
+    It is that in the direction of the departure r, by the covariance S of its parts. Where a channel lacks it is
+    not-a-number.
+
+    .. math:: |r| \sqrt{-2 \ln p/(r^T S^{-1} r)}
+
+    `masses` (N,) [kg] are what the specimens may have.
+    """
+    off, covariance, by_mass = _imbalance(answers)
+    by_mass = by_mass * masses[:, None]
+    off[(off == 0).all(axis=1)] = 1.0
+    with np.errstate(invalid="ignore"):
+        weighted = np.linalg.solve(covariance + by_mass[:, :, None] * by_mass[:, None, :], off[:, :, None])[:, :, 0]
+        return np.linalg.norm(off, axis=1) * np.sqrt(-2 * log(CHANCE) / np.sum(off * weighted, axis=1))
+
+
+def _imbalance(answers: Answers) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Re and Im (N, 2) of the departure of F1, their covariance (N, 2, 2), and their derivatives (N, 2) by the mass."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio, by = answers.balance()
+        covariance, known = propagate(by, answers.covariance), np.isfinite(ratio)
+    covariance = np.where(known[:, None, None], covariance, 0.0) + _LEAST**2 * np.eye(2)
+    return parts(ratio - 1.0), covariance, np.where(known[:, None], by[:, :, BODY_AT], 0.0)

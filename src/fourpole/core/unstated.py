@@ -1,18 +1,66 @@
-"""Parts of a rig that nobody stated: what they add to its impedance Zr."""
+"""Parts of a rig that nobody stated: how large they may be, and what they add to its impedance Zr."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.rig import Rig
 
 #: Usual deflection at which a guide slides [m], and the standard uncertainty of its logarithm.
 PRESLIDING, PRESLIDING_STD = 3e-5, 1.0
 #: Usual loss factor of a frame at its resonance [1].
 FRAME_LOSS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Unstated(ByValue):
+    """Standard uncertainties of what nobody stated, for routes that take each test by itself; 0 for none.
+
+    Attributes
+    ----------
+    support : float [1]
+        Of what frame and foundation of a rig that moves add to the force of its preload spring at each frequency, over
+        this force.
+    friction : float [N]
+        Of the dry friction of its guide.
+    frame_std : float [m/N]
+        Of the compliance of a blocked rig whose frame counts as rigid.
+    specimen_mass : (N,) float array [kg]
+        Of the mass of the specimen of each test of a rig that moves; half of it moves with either end.
+    """
+
+    support: float = 0.0
+    friction: float = 0.0
+    frame_std: float = 0.0
+    specimen_mass: FloatArray | float = 0.0
+
+    def part(self, row: int) -> Unstated:
+        """Those of one test."""
+        mass = self.specimen_mass
+        return self if np.ndim(mass) == 0 else replace(self, specimen_mass=float(np.asarray(mass)[row]))
+
+    def std(self, rig: Rig | None, omega: FloatArray) -> FloatArray:
+        """Standard uncertainties (N, 4) of what `moved_by` has: [N s/m], [N s/m], [N], [kg]; 0 if nothing moves."""
+        if rig is None or rig.blocked:
+            return np.zeros((omega.size, 4))
+        held = self.support * rig.preload_stiffness / omega
+        columns = np.broadcast_arrays(held, held, self.friction, self.specimen_mass)
+        return np.stack(columns, axis=1)
+
+
+NOTHING: Final = Unstated()
+
+
+def moved_by(omega: FloatArray, v2: ComplexArray) -> ComplexArray:
+    """Change of Zr (N, 4) by Re and Im of what the support adds, by dry friction of 1 N, and by a specimen of 1 kg."""
+    jw = 1j * omega
+    friction = sliding(omega, np.nan_to_num(np.abs(v2)), PRESLIDING)[0]
+    return np.stack([np.ones_like(jw), np.full_like(jw, 1j), friction, 0.5 * jw], axis=1)
 
 
 def unstated_parts(
