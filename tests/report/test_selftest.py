@@ -44,7 +44,7 @@ MUTANTS = [
     ("core.routes:arm_slopes", "(k2**2)", "(k2)"),
     ("core.reduced:_input_impedance", "1j * omega", "omega"),
     ("core.identify:ratio", "(by_over - value", "(by_over + value"),
-    ("core.identify:Answers._identify", "-= jw * self.v1", "-= 2 * jw * self.v1"),
+    ("core.identify:Answers._identify", "_INPUT_MASS_AT] -= jw", "_INPUT_MASS_AT] -= 2 * jw"),
     ("core.channelerrors:ChannelUncertainty.errors", "1j * phase)", "0.5j * phase)"),
     ("core.chain:Delay.at", "-2j * np.pi", "2j * np.pi"),
     ("core.chain:Geophone.at", "2j * self.damping", "1j * self.damping"),

@@ -12,11 +12,11 @@ from math import atan, exp, log, pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
 from fourpole.core.confidence import CHANCE
-from fourpole.core.identify import BODY_AT, Answers, propagate
+from fourpole.core.identify import MASSES, Answers, propagate
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import relative_route, stiffness_by
@@ -286,23 +286,30 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
 _LEAST = 1e-4
 
 
-def shown_masses(answers: Answers, specimen: Sequence[str], bound: float) -> FloatArray:
-    """Mass of each test's specimen that F1 against V2 shows, and its uncertainty, as the root of their squares [kg].
+def shown_masses(answers: Answers, specimen: Sequence[str], bound: float, gross: BoolArray) -> FloatArray:
+    r"""Second moments (N, 2, 2) of the masses of each test's specimen that F1 against V2 shows and leaves open [kg²].
 
-    Tests of one specimen share its mass. The errors of the channels are alike in them, so that the uncertainty is that
-    of the test which shows it best; `bound` [kg] is that before the tests. It is 0 where no test has F1 and V2.
+    The masses m move with the contact and with the far side of a specimen, and all of its tests share them. With their
+    derivatives A of the whitened departures w,
+
+    .. math:: M = m m^T + I^{-1} (B B^T + I) I^{-1}, \quad m = I^{-1} \sum A^T w, \quad I = \sum A^T A + 1/b^2,
+        \quad B = \sum A^T.
+
+    Errors of the channels count as common to all tests, by B, and as independent. `bound` b [kg] is what a mass may be
+    before the tests. The result is 0 where no test has F1 and V2. In `gross` tests (N,) a sign or a unit of a channel
+    is wrong, and no mass looks like these.
     """
-    off, covariance, by_mass = _imbalance(answers)
-    weighted = np.linalg.solve(covariance, by_mass[:, :, None])[:, :, 0]
-    known, names = np.asarray(np.isfinite(off).all(axis=1)), np.asarray(specimen, dtype=str)
-    information = np.sum(by_mass * weighted, axis=1)
-    drawn = np.sum(np.where(known[:, None], off, 0.0) * weighted, axis=1)
-    masses = np.zeros(names.size)
+    off, covariance, by_masses = _imbalance(answers)
+    known, names = np.isfinite(off).all(axis=1) & ~gross, np.asarray(specimen, dtype=str)
+    turn = _whitening(covariance)
+    drawn, slopes = np.einsum("nij,nj->ni", turn, np.where(known[:, None], off, 0.0)), turn @ by_masses
+    moments = np.zeros((names.size, 2, 2))
     for name in np.unique(names[known]):
-        own = np.flatnonzero(np.equal(names, name))
-        mass = drawn[own].sum() / (information[own].sum() + bound**-2)
-        masses[own] = np.hypot(mass, (information[own].max() + bound**-2) ** -0.5)
-    return masses
+        own = np.flatnonzero(np.equal(names, name) & known)
+        found = np.linalg.inv(np.einsum("nij,nik->jk", slopes[own], slopes[own]) + bound**-2 * np.eye(2))
+        mass, common = found @ np.einsum("nij,ni->j", slopes[own], drawn[own]), found @ slopes[own].sum(axis=0).T
+        moments[np.equal(names, name)] = np.outer(mass, mass) + common @ common.T + found
+    return moments
 
 
 def largest_imbalance(answers: Answers, masses: FloatArray) -> FloatArray:
@@ -313,20 +320,28 @@ def largest_imbalance(answers: Answers, masses: FloatArray) -> FloatArray:
 
     .. math:: |r| \sqrt{-2 \ln p/(r^T S^{-1} r)}
 
-    `masses` (N,) [kg] are what the specimens may have.
+    `masses` (N, 2, 2) [kg²] are the second moments of those that the specimens may have.
     """
-    off, covariance, by_mass = _imbalance(answers)
-    by_mass = by_mass * masses[:, None]
+    off, covariance, by_masses = _imbalance(answers)
     off[(off == 0).all(axis=1)] = 1.0
-    with np.errstate(invalid="ignore"):
-        weighted = np.linalg.solve(covariance + by_mass[:, :, None] * by_mass[:, None, :], off[:, :, None])[:, :, 0]
-        return np.linalg.norm(off, axis=1) * np.sqrt(-2 * log(CHANCE) / np.sum(off * weighted, axis=1))
+    turn = _whitening(covariance + by_masses @ masses @ np.swapaxes(by_masses, 1, 2))
+    size = np.linalg.norm(np.einsum("nij,nj->ni", turn, off), axis=1)
+    return np.linalg.norm(off, axis=1) * np.sqrt(-2 * log(CHANCE)) / size
 
 
 def _imbalance(answers: Answers) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Re and Im (N, 2) of the departure of F1, their covariance (N, 2, 2), and their derivatives (N, 2) by the mass."""
+    """Re and Im (N, 2) of the departure of F1, their covariance (N, 2, 2), and derivatives (N, 2, 2) by the masses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, by = answers.balance()
-        covariance, known = propagate(by, answers.covariance), np.isfinite(ratio)
-    covariance = np.where(known[:, None, None], covariance, 0.0) + _LEAST**2 * np.eye(2)
-    return parts(ratio - 1.0), covariance, np.where(known[:, None], by[:, :, BODY_AT], 0.0)
+        covariance = propagate(by, answers.covariance)
+    known = np.isfinite(ratio) & np.isfinite(covariance).all(axis=(1, 2))
+    covariance = np.where(known[:, None, None], covariance, 0.0)
+    off = np.where(known[:, None], parts(ratio - 1.0), np.nan)
+    return off, covariance, np.where(known[:, None, None], by[:, :, MASSES], 0.0)
+
+
+def _whitening(covariance: FloatArray) -> FloatArray:
+    """Inverse square roots (N, 2, 2) of covariances (N, 2, 2) of two parts, with the least variance of each."""
+    squares, vectors = np.linalg.eigh(covariance)
+    scaled = vectors / np.sqrt(np.maximum(squares, 0.0) + _LEAST**2)[:, None]
+    return np.asarray(scaled @ np.swapaxes(vectors, 1, 2))

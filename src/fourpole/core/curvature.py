@@ -215,14 +215,15 @@ def draw_route(
     impedance: complex | ComplexArray = np.inf
     if rig is not None:
         spread = np.append(rig.uncertainties, added_mass_std) * rng.standard_normal((draws, rig.uncertainties.size + 1))
+        f1 = f1 - 1j * omega * (rig.input_mass + spread[:, -2]) * v1
         if not rig.blocked:
             impedance = rig.impedance(omega, added_mass) + spread @ rig.impedance_gradient(omega, added_mass)
-        f1 = f1 - 1j * omega * (rig.input_mass + spread[:, -2]) * v1
-        if (std := unstated.std(rig, np.array([omega]))).any():
-            moved = std * rng.standard_normal((draws, std.size))
+        if (std := unstated.std(rig, np.array([omega]))).any() or np.any(unstated.masses):
+            masses = _normal(np.broadcast_to(unstated.masses, (2, 2)), draws, rng)
+            moved = np.column_stack([std * rng.standard_normal((draws, std.size)), masses[:, 1]])
             far = v2 if np.isfinite(phasors.motion_out) else f1 / impedance
             impedance = impedance + np.einsum("ni,ni->n", moved, moved_by(np.full(draws, omega), far))
-            f1 = f1 - 0.5j * omega * moved[:, -1] * v1
+            f1 = f1 - 1j * omega * masses[:, 0] * v1
     with np.errstate(divide="ignore", invalid="ignore"):
         return stiffness_by(route, (f1, v1, v2), impedance, omega)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,9 +42,11 @@ OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C":
 _ADDED_AT = 6 + len(PARAMETERS)
 _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
-BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
-_UNSTATED_AT = BODY_AT + 2  # what the support adds to Re and Im of Zr, and the dry friction of the guide
-_INPUTS = _UNSTATED_AT + 3
+_BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
+_UNSTATED_AT = _BODY_AT + 2  # what the support adds to Re and Im of Zr, and the dry friction of the guide
+#: Places of the masses that move with the contact and with the far side of a specimen.
+MASSES: Final = slice(_UNSTATED_AT + 3, _UNSTATED_AT + 5)
+_INPUTS = MASSES.stop
 _ITS = "the specimen"
 _INPUT_MASS_AT, _FRAME_AT = (6 + list(PARAMETERS).index(name) for name in ("input_mass", "frame_stiffness"))
 
@@ -248,7 +250,7 @@ def identify(
 def _shared(answers: Answers) -> FloatArray:
     """Change of Re and Im of K* per standard uncertainty of each error that tests share, (N, 2, p) [N/m].
 
-    The errors are those of the channels and of their mountings, of friction, of the rig's values, and of each mass.
+    The errors are those of the channels and of their mountings, of friction, of the rig's values, and of the masses.
     """
     by = answers.jacobian[:, :2]
     columns = []
@@ -256,12 +258,17 @@ def _shared(answers: Answers) -> FloatArray:
         along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
-    places = (_INPUTS - 1, *range(6, _K1_AT))  # the friction, the rig's values, the added mass
+    places = (_UNSTATED_AT + 2, *range(6, _K1_AT))  # the friction, the rig's values, the added mass
     own = [by[:, :, index] * np.sqrt(answers.covariance[:, None, index, index]) for index in places]
     columns += own[:-1]
-    body = answers.covariance[:, BODY_AT, BODY_AT] ** 0.5
-    for size, moved in ((answers.added, own[-1]), (body, by[:, :, BODY_AT] * body[:, None])):
-        columns += [np.where((size == mass)[:, None], moved, 0.0) for mass in np.unique(size[size != 0])]
+    masses = np.unique(answers.added[answers.added != 0])
+    columns += [np.where((answers.added == mass)[:, None], own[-1], 0.0) for mass in masses]
+    of_body = answers.covariance[:, MASSES, MASSES]
+    squares, vectors = np.linalg.eigh(of_body)
+    moved = by[:, :, MASSES] @ (vectors * np.sqrt(np.maximum(squares, 0.0))[:, None])
+    _, number = np.unique(of_body.reshape(-1, 4), axis=0, return_inverse=True)
+    for each in np.unique(number) if of_body.any() else ():
+        columns += list(np.moveaxis(np.where((number.ravel() == each)[:, None, None], moved, 0.0), 2, 0))
     return np.nan_to_num(np.stack(columns, axis=2))
 
 
@@ -297,6 +304,7 @@ def variance_by_source(
     for i, source in enumerate(values, start=6):
         part = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
         sources[source] = sources.get(source, 0.0) + part
+    sources[Source(Kind.BELT_MASS, _ITS)] += alone(answers.covariance[:, MASSES, MASSES], MASSES)
     return answers.curvature.distributed(sources)
 
 
@@ -351,13 +359,10 @@ class Answers:
         of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
         if self._on_frame:
             of_rig[:, _FRAME_AT - 6] = unstated.frame_std
-        of_unstated = unstated.std(rig, self.omega)
-        self._body_std[:, 0] += of_unstated[:, 3]
         omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
-        std = np.column_stack(
-            [of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std, of_unstated[:, :3]]
-        )
-        self.covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
+        own = (of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std, unstated.std(rig, self.omega))
+        self.covariance[:, range(6, MASSES.start), range(6, MASSES.start)] = np.column_stack(own) ** 2
+        self.covariance[:, MASSES, MASSES] = 0.0 if rig is None or rig.blocked else unstated.masses
 
     @property
     def _on_frame(self) -> bool:
@@ -374,8 +379,7 @@ class Answers:
         self.by_f1 = self.by_cell_force - (jw * input_mass)[:, None] * self.by_v1
         self.by_f1[:, _INPUT_MASS_AT] -= jw * self.v1
         self.by_f1[:, _OMEGA_AT] -= 1j * input_mass * self.v1
-        if self.rig is not None and not self.rig.blocked:
-            self.by_f1[:, BODY_AT] -= 0.5 * jw * self.v1
+        self.by_f1[:, MASSES.start] -= jw * self.v1
 
         self.mobility, by_mobility = ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
         self.by_mobility = parts(by_mobility, axis=-2)
@@ -401,7 +405,7 @@ class Answers:
         self._body_std = np.stack([inertia.mass_std, inertia.shape_std], axis=1)
         self.stiffness, by = inertia.springs(self.stiffness, self.omega, at_ground=at_ground)
         by_stiffness = by_stiffness * by[:, :1]
-        by_stiffness[:, BODY_AT : BODY_AT + 2] += by[:, 1:]
+        by_stiffness[:, _BODY_AT : _BODY_AT + 2] += by[:, 1:]
         by_stiffness[:, _OMEGA_AT] += 2 * inertia.mass / self.omega * by[:, 1]  # mass and frequency act as m w^2
         return by_stiffness
 
@@ -421,14 +425,17 @@ class Answers:
         by[:, _OMEGA_AT] = -(mobility**2) * self.rig.impedance_slope(self.omega, self.added)
         if not self.rig.blocked:
             columns = moved_by(self.omega, np.where(np.isfinite(self.v2), self.v2, self.f1 * mobility))
-            by[:, [*range(_UNSTATED_AT, _INPUTS), BODY_AT]] = -(mobility**2)[:, None] * columns
+            by[:, [*range(_UNSTATED_AT, MASSES.start), MASSES.stop - 1]] = -(mobility**2)[:, None] * columns
         return mobility, by
 
     def balance(self) -> tuple[ComplexArray, FloatArray]:
-        """F1 over the force that V2 and the rig need (N,) [1], and the derivatives (N, 2, inputs) of its logarithm."""
+        """F1 over the force Zr V2 that the rig needs (N,) [1], and derivatives (N, 2, inputs) of its Re and Im.
+
+        Those by V2 and Zr are of a ratio of 1, as what is unstated adds to Zr V2.
+        """
         mobility, by = self._rig()
-        by_log = self.by_f1 / self.f1[:, None] - self.by_v2 / self.v2[:, None] + by / mobility[:, None]
-        return self.f1 * mobility / self.v2, parts(by_log, axis=-2)
+        by = self.by_f1 * (mobility / self.v2)[:, None] - self.by_v2 / self.v2[:, None] + by / mobility[:, None]
+        return self.f1 * mobility / self.v2, parts(by, axis=-2)
 
     def _stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
         """K* by a route [N/m], and its derivatives with the factor jw of the formula held constant."""

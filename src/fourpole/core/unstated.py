@@ -30,37 +30,35 @@ class Unstated(ByValue):
         Of the dry friction of its guide.
     frame_std : float [m/N]
         Of the compliance of a blocked rig whose frame counts as rigid.
-    specimen_mass : (N,) float array [kg]
-        Of the mass of the specimen of each test of a rig that moves; half of it moves with either end.
+    masses : (N, 2, 2) float array, or 0 [kg²]
+        Of a rig that moves, covariance of the masses of each specimen that move with its contact and with its far side.
     """
 
     support: float = 0.0
     friction: float = 0.0
     frame_std: float = 0.0
-    specimen_mass: FloatArray | float = 0.0
+    masses: FloatArray | float = 0.0
 
     def part(self, row: int) -> Unstated:
         """Those of one test."""
-        mass = self.specimen_mass
-        return self if np.ndim(mass) == 0 else replace(self, specimen_mass=float(np.asarray(mass)[row]))
+        masses = np.asarray(self.masses)
+        return replace(self, masses=masses[row] if masses.ndim > 2 else masses)
 
     def std(self, rig: Rig | None, omega: FloatArray) -> FloatArray:
-        """Standard uncertainties (N, 4) of what `moved_by` has: [N s/m], [N s/m], [N], [kg]; 0 if nothing moves."""
+        """Standard uncertainties (N, 3) of support, twice, and friction, as `moved_by` has them; 0 if nothing moves."""
         if rig is None or rig.blocked:
-            return np.zeros((omega.size, 4))
+            return np.zeros((omega.size, 3))
         held = self.support * rig.preload_stiffness / omega
-        columns = np.broadcast_arrays(held, held, self.friction, self.specimen_mass)
-        return np.stack(columns, axis=1)
+        return np.stack(np.broadcast_arrays(held, held, self.friction), axis=1)
 
 
 NOTHING: Final = Unstated()
 
 
 def moved_by(omega: FloatArray, v2: ComplexArray) -> ComplexArray:
-    """Change of Zr (N, 4) by Re and Im of what the support adds, by dry friction of 1 N, and by a specimen of 1 kg."""
-    jw = 1j * omega
+    """Change of Zr (N, 4) by Re and Im of what the support adds [N s/m], by dry friction of 1 N, and by 1 kg."""
     friction = sliding(omega, np.nan_to_num(np.abs(v2)), PRESLIDING)[0]
-    return np.stack([np.ones_like(jw), np.full_like(jw, 1j), friction, 0.5 * jw], axis=1)
+    return np.stack([np.ones_like(friction), np.full_like(friction, 1j), friction, 1j * omega], axis=1)
 
 
 def unstated_parts(

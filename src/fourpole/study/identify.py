@@ -270,10 +270,10 @@ def _identified(
     of_rig = (rig_name, rows, tuple(keys[index] for index in rows), phasors)
     try:
         joint = used == "joint"
-        group = _joint(of_rig, setup, stiffness, order) if joint else _by_route(used, of_rig, setup, stiffness)
+        group = _joint(of_rig, setup, stiffness, order) if joint else _by_route(used, of_rig, setup, stiffness, checks)
     except np.linalg.LinAlgError as error:
         note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
-        group = _by_route("mobility", of_rig, setup, stiffness)
+        group = _by_route("mobility", of_rig, setup, stiffness, checks)
     notes = [note] if note else []
     if group.estimate is None:
         return group, notes
@@ -308,8 +308,14 @@ def _usable(
 _OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]
 
 
-def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> RigGroup:
-    """The tests of one rig, each by itself by a route."""
+def _by_route(
+    route: str,
+    of_rig: _OfRig,
+    setup: dict[str, Any],
+    stiffness: Sequence[StaticStiffness],
+    earlier: Sequence[Sequence[Check]],
+) -> RigGroup:
+    """The tests of one rig, each by itself by a route; they have checks of `earlier` stages."""
     phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
     arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels", "mounting")}
     unstated = Unstated(*(setup[name] for name in ("support", "friction", "frame_std")))
@@ -323,14 +329,9 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route, "unstated": unstated}
     checks: list[list[Check]] = [[] for _ in k1]
     if rig is not None and not rig.blocked:
-        answers = Answers(phasors, rig, k1, **arguments)
-        masses = np.array([body.mass for body in bodies])
-        if not setup["complete"]:
-            most = component(Kind.BELT_MASS).bound * rig.moving_mass
-            masses = np.where(known, masses, shown_masses(answers, setup["specimen"], most))
-        arguments["unstated"] = unstated = replace(unstated, specimen_mass=masses)
-        limits = zip(setup["added_mass"].tolist(), largest_imbalance(answers, masses).tolist(), strict=True)
-        for row, (added, limit) in enumerate(limits):
+        masses, limits = _of_balance(phasors, setup, bodies, arguments, earlier)
+        arguments["unstated"] = unstated = replace(unstated, masses=masses)
+        for row, (added, limit) in enumerate(zip(setup["added_mass"].tolist(), limits.tolist(), strict=True)):
             checks[row].append(check_consistency(phasors.part(row), rig, added, limit))
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
@@ -348,6 +349,25 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
             checks[row].append(check)
     further: dict[str, Any] = {"k_of": k_of, "heavy": heavy, "unstated": unstated}
     return RigGroup(*of_rig, route, result, variance, checks=tuple(map(tuple, checks)), **further)
+
+
+def _of_balance(
+    phasors: Phasors,
+    setup: dict[str, Any],
+    bodies: Sequence[Body],
+    arguments: dict[str, Any],
+    earlier: Sequence[Sequence[Check]],
+) -> tuple[FloatArray, FloatArray]:
+    """Masses of the specimens that F1 against V2 allows, and the departure of F1 that is explained with them."""
+    rig = setup["rig"]
+    answers = Answers(phasors, rig, **arguments)
+    gross = np.array([any(check.values.get("looks") for check in of_test) for of_test in earlier], dtype=bool)
+    shown = shown_masses(answers, setup["specimen"], component(Kind.BELT_MASS).bound * rig.moving_mass, gross)
+    stated = np.array([body.mass for body in bodies])
+    masses = shown + 0.25 * stated[:, None, None] ** 2  # half of a stated mass moves with either end
+    if setup["complete"]:
+        masses[[body.mass_std == 0 for body in bodies]] = 0.0
+    return masses, largest_imbalance(answers, masses)
 
 
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
