@@ -22,6 +22,8 @@ _FEWEST_SMOOTHED = 8
 _TREND = 3
 #: Weights of the second differences that are compared in the smoothing.
 _WEIGHTS = np.logspace(-2, 14, 81)
+#: Number of times for which all weights are tried at once.
+_AT_ONCE = 4096
 #: Half width of the hysteresis about the middle of a pulse, as a share of its height.
 _HYSTERESIS = 0.2
 #: Angles per revolution that are read from an encoder.
@@ -155,10 +157,11 @@ def _smoothed(time: FloatArray) -> FloatArray:
     waves = scipy.fft.dct(wide, norm="ortho")
     stiff = (2 - 2 * np.cos(np.pi * np.arange(wide.size) / wide.size)) ** 2
     scores = []
-    for weight in _WEIGHTS:
-        lost = weight * stiff / (1 + weight * stiff)
-        scores.append(np.sum((lost * waves) ** 2) / np.mean(lost) ** 2)
-    best = _WEIGHTS[int(np.argmin(scores))]
+    for weight in np.array_split(_WEIGHTS[:, None], min(_WEIGHTS.size, 1 + wide.size // _AT_ONCE)):
+        lost = weight * stiff
+        lost /= 1 + lost
+        scores.append(lost**2 @ waves**2 / np.mean(lost, axis=1) ** 2)
+    best = _WEIGHTS[int(np.argmin(np.concatenate(scores)))]
     smooth = scipy.fft.idct(waves / (1 + best * stiff), norm="ortho")
     return np.asarray(trend + smooth[time.size - 1 : 2 * time.size - 1])
 

@@ -411,10 +411,6 @@ def _with_specimen(
     return np.sqrt(sum((std**2 for std in moved.values()), own**2)), wider
 
 
-#: What is known of all tests of a rig together.
-_OF_ALL = ("rig", "channels", "specimens", "bodies", "support", "friction")
-
-
 def _mass_gain(
     joint: Joint,
     setup: Mapping[str, Any],
@@ -423,18 +419,19 @@ def _mass_gain(
     values: Outputs,
     result: Identification,
 ) -> dict[str, tuple[float, float]]:
-    """Median relative uncertainties of the tests without an added mass, from these tests alone and from all tests."""
+    """Median relative uncertainties of the tests without an added mass, from these tests alone and from all tests.
+
+    Both are about the values that all tests give.
+    """
     bare = (setup["added_mass"] == 0) & (joint.condition >= 0)
     if bare.all() or not bare.any():
         return {}
-    channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in _OF_ALL}
-    alone = solve_joint(few, **some, **{name: setup[name] for name in _OF_ALL} | {"channels": channels})
-    of_alone = outputs(alone, few, some["k1"])
+    alone, few, k1 = joint.part(bare), phasors.part(bare), setup["k1"][bare]
+    of_alone = outputs(alone, few, k1)
     without = relative_uncertainties(
-        identification(alone, few, some["k1"], k1_std[bare], of_alone),
-        identification(alone, few, some["k1"], 0.0, of_alone),
-        np.ones(some["k1"].size, dtype=bool),
+        identification(alone, few, k1, k1_std[bare], of_alone),
+        identification(alone, few, k1, 0.0, of_alone),
+        np.ones(k1.size, dtype=bool),
     )
     exact = identification(joint, phasors, setup["k1"], 0.0, values)
     return mass_gain(without, relative_uncertainties(result, exact, bare))

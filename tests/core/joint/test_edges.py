@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.components import component
-from fourpole.core.joint import asking, belts, joint, reconcile, scatter, specimens
+from fourpole.core.joint import asking, belts, joint, misfit, reconcile, scatter, specimens
 from fourpole.core.joint import unseen as unseen_module
 from fourpole.core.joint.asking import Group, tie
 from fourpole.core.joint.belts import is_possible
@@ -190,8 +190,29 @@ def first_size(_):
 def by_median(count):
     """Whether the scatter of K* is that by the median, of so many repeats."""
     conditions = SimpleNamespace(label=np.zeros(count, int), first=0, sizes=np.array([count]))
+    noise = scatter.Deviations(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)))
     with patch.multiple(scatter, root_of=lambda function: 1.0, scatter_of=lambda *given: 0.0):
-        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), None) == 1.0
+        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), noise) == 1.0
+
+
+def scattered(share):
+    """Whether a scatter with this share of the variance by the noise is one."""
+    noise = scatter.Deviations(np.zeros((3, 2)), np.tile(4.0 * np.eye(2), (3, 1, 1)))
+    return scatter._that_matters(2.0 * np.sqrt(share), noise) > 0
+
+
+def named(shift=9.0, rise=99.0, second=0.0):
+    """Number of the values that neighbouring frequencies contradict, by shift of K*, rise and a second pull."""
+    move = np.array([5.0, 5.0 * second])
+    lines = MagicMock(root=np.eye(2))
+    lines.evidence.side_effect = lambda at, size: rise * float(at @ at > 0)
+    lines.step.side_effect = lambda at, size: move - at
+    lines.shift.return_value = shift
+    rows = [SharedParameter(Source(Kind.GAIN, of), "1", at, 1.0, 0.01) for at, of in enumerate(("V1", "V2"))]
+    problem = SimpleNamespace(shared=Shared(RIG, tuple(rows), np.zeros(0)))
+    solution = SimpleNamespace(covariance=np.eye(2), z=np.zeros(2))
+    with patch.object(misfit._Lines, "of", return_value=lines):
+        return len(misfit.contradicted_by_neighbours(problem, solution))
 
 
 def searched(left):
@@ -285,6 +306,10 @@ EDGES = {
     "size with which a group begins, a thirtieth": (first_size, {"amplitude": 0.033333}),
     "parts of a run, 8": (lambda n: len(set(joint.parts_of_run(np.zeros(n), np.arange(n)).tolist())), {7: 7, 16: 8}),
     "repeats of a median, 6": (by_median, {5: False, 6: True}),
+    "K* of neighbours moves by 3 u": (named, {2.97: 0, 3.03: 1}),
+    "and the evidence rises by 5": (lambda rise: named(rise=rise), {4.95: 0, 5.05: 1}),
+    "as another value that moves by 80 %": (lambda second: named(second=second), {0.79: 1, 0.81: 2}),
+    "scatter that matters, 2 % of the variance": (scattered, {0.0196: False, 0.0204: True}),
     "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
     "frequencies of one condition, 1.05 %": (lambda x: grouped(10.0, 10 * x), {1.0104: 1, 1.0106: 2}),
     "frequencies of one condition, 1.61 % in all": (

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fourpole.core.joint.joint import closed_form_start
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.joint.joint import closed_form_start, solve_joint
 from fourpole.core.joint.misfit import is_unlikely, pulls, residuals
 from fourpole.core.joint.solve import Solution, solve
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.virtual.phasor_rig import Laboratory
 
@@ -160,3 +163,42 @@ def test_a_pull_needs_a_thousandth_of_what_is_stated(gained, said):
     """A value of which the tests say less than that is not drawn at all."""
     solution = solution_with([0.01], [1.0 - gained])
     assert np.isfinite(pulls(solution)[0]) == said
+
+
+def with_gain(stiffness, gain):
+    """The joint solution of a laboratory whose V1 is wrong by a gain, from F1, V1 and V2 by Newton's law alone."""
+    rng, frequency = np.random.default_rng(7), np.repeat([4.6, 6.1, 8.0, 10.6, 14.0, 18.5, 24.5, 32.4], 2)
+    jw = 2j * np.pi * frequency
+    mass, spring, damper = 79.4, 26120.0, 19.8
+    v2 = 1e-2 * np.ones_like(jw)
+    force = (jw * mass + damper + spring / jw) * v2
+    v1 = v2 + jw * force / stiffness(jw)
+    true = np.stack([force, v1, v2], axis=1)
+    noise = 2e-4 * np.abs(true) * (rng.standard_normal((len(true), 3)) + 1j * rng.standard_normal((len(true), 3)))
+    values = (true + noise) * np.array([1.0, 1 + gain, 1.0])
+    covariance = np.einsum("ni,ij->nij", np.repeat(2e-4 * np.abs(true), 2, axis=1) ** 2, np.eye(6))
+    phasors = Phasors(frequency, values, covariance, np.zeros_like(frequency), np.full(frequency.shape, 1e4))
+    rig = Rig(mass, spring, damper, std={"moving_mass": 0.16, "preload_stiffness": 400.0, "preload_damping": 2.0})
+    channels = ChannelUncertainty(np.array([0.009, 0.0065, 0.0085]), np.array([0.0025, 0.0012, 0.0017]))
+    return solve_joint(phasors, rig, channels=channels)
+
+
+def rubber(jw):
+    return 6e5 * (1 + 0.1 * (jw / 60) ** 0.3)
+
+
+def fluid(jw):
+    """A mount with a track of fluid, resonant at 12 Hz: its K* is not smooth."""
+    return 1.2e5 + 1.2e5 * (0.12 * jw / 75 + (jw / 75) ** 2) / (1 + 0.3 * jw / 75 + (jw / 75) ** 2)
+
+
+@pytest.mark.parametrize(("stiffness", "gain", "named"), [(rubber, 0.06, True), (rubber, 0.0, False),
+                                                          (rubber, 0.008, False), (fluid, 0.0, False)])  # fmt: skip
+def test_a_gain_that_bends_k_over_frequency_is_named(stiffness, gain, named):
+    """K* of each frequency is free, so that chi-square sees no gain of V1; its neighbours do."""
+    joint = with_gain(stiffness, gain)
+    assert joint.misfit.chi2 < 2 * joint.misfit.dof + 10
+    assert joint.misfit.fits is not named
+    if named:
+        assert joint.misfit.candidates[0].source == Source(Kind.GAIN, "V1")
+        assert joint.misfit.candidates[0].size > 0

@@ -24,7 +24,7 @@ from fourpole.core.components import BEGINS, Component, component
 from fourpole.core.joint.misfit import NEGLIGIBLE, is_unlikely
 from fourpole.core.joint.scatter import deviations, scatter_of, squares, strange_conditions
 from fourpole.core.joint.shared import STEPS, Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, sweep
+from fourpole.core.joint.solve import MUCH, Problem, Solution, reduced, solve_either, sweep
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: Least gain in the logarithm of the evidence for which a group is raised.
@@ -33,8 +33,8 @@ GAIN = 5.0
 _TIE, _ALMOST = 10.0, 2.0
 #: Number of groups that are tried in earnest in one round, and of the first steps of each.
 _TRIED, _STEPS = 4, 15
-#: A search goes on if it leaves no more than this share of the objective, or no more than this for each test.
-_MOST_LEFT, _MUCH = 0.1, 40.0
+#: A search goes on if it leaves no more than this share of the objective, or no more than `MUCH` for each test.
+_MOST_LEFT = 0.1
 #: Factors that are tried at first: from this to the largest, so many.
 _SMALLEST, _FACTORS = 0.3, 30
 #: Number of conditions that are set aside by themselves.
@@ -272,6 +272,12 @@ def widened(
     return wide, triangle, own[1]
 
 
+def most_explained(problem: Problem, solution: Solution, groups: Sequence[Group]) -> float:
+    """Objective that the linear model leaves at a solution, if all groups have any size."""
+    extra = [parameter for group in groups for parameter in group.parameters]
+    return float(widened(problem, solution, extra, slopes=False)[1][-1, -1] ** 2)
+
+
 def gain_of(columns: FloatArray, target: FloatArray, group: Group) -> tuple[float, float]:
     """Largest gain of a group by the linear model, and its factor."""
     values, vectors = np.linalg.eigh(columns.T @ columns)
@@ -330,10 +336,10 @@ def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Probl
 
 def _tried(problem: Problem, before: Solution, z: FloatArray) -> tuple[Problem, Solution]:
     """The solution of a trial; a search that leaves most of a large misfit is not followed to its end."""
-    problem, after = solve_either(problem, before.stiffness, z, _STEPS, before.slope)
-    if after.converged or after.objective > max(_MOST_LEFT * before.objective, _MUCH * problem.observed.omega.size):
+    problem, after = solve_either(problem, before.stiffness, z, _STEPS, before.slope, rough=True)
+    if after.converged or after.objective > max(_MOST_LEFT * before.objective, MUCH * problem.observed.omega.size):
         return problem, after
-    return solve_either(problem, after.stiffness, after.z, slope=after.slope)
+    return solve_either(problem, after.stiffness, after.z, slope=after.slope, rough=True)
 
 
 def _trial(problem: Problem, solution: Solution, group: Group, factor: float, outlier: FloatArray) -> Trial | None:

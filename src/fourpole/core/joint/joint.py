@@ -15,12 +15,12 @@ from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
 from fourpole.core.joint.belts import explained, explains_more, is_possible, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
-from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, gross_errors, residuals
+from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, contradicted_by_neighbours, gross_errors, residuals
 from fourpole.core.joint.model import Observed
-from fourpole.core.joint.reconcile import reconcile, without_rig
+from fourpole.core.joint.reconcile import is_vain, reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import PARTS_OF_RUN, STEPS, Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either
+from fourpole.core.joint.solve import MUCH, Problem, Solution, solution_of_part, solve_either
 from fourpole.core.joint.specimens import Misfit
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
@@ -96,6 +96,23 @@ class Joint(ByValue):
     def found_std(self) -> FloatArray:
         """Standard uncertainties of `found`, each in its unit, if all statements as last widened are true."""
         return np.sqrt(np.diag(self.solution.covariance)) * self.problem.shared.std
+
+    def part(self, rows: BoolArray) -> Joint:
+        """Some of the tests (N,), and what these alone say about the same values."""
+        kept = rows[self.order]
+        problem, solution = solution_of_part(self.problem, self.solution, kept)
+        order = (np.cumsum(rows) - 1)[self.order[kept]]
+        return replace(
+            self,
+            problem=problem,
+            solution=solution,
+            order=order,
+            condition=problem.conditions.label[np.argsort(order)],
+            residuals=self.residuals.part(rows),
+            outlier=self.outlier[rows],
+            two_roots=self.two_roots[rows],
+            support=np.broadcast_to(self.support, kept.shape)[kept],
+        )
 
 
 def solve_joint(
@@ -175,6 +192,9 @@ def solve_joint(
     )
     supported = support * rig.preload_stiffness / observed.omega
     problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {}, supported)
+    unnamed = misfit.fits or not misfit.candidates
+    if unnamed and (wrong := contradicted_by_neighbours(problem, solution)):
+        misfit = replace(misfit, fits=False, candidates=wrong, tied=len(wrong))
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -249,7 +269,7 @@ def _reconciled(
         problem = problem.widened(by_frequency[:, :, None])
     if support.any():
         problem = problem.widened(problem.columns("by_impedance", as_stated, start) * support[:, None, None])
-    massless = _massless(problem, start)
+    massless = _massless(problem, start, hasty=True)
     stated = any(body.mass_std > 0 for body in bodies.values())
     gross = any(cause.form in UNITS_AND_SIGNS for cause in massless[3].candidates)  # no mass looks like these
     if gross or (not stated and _is_enough(massless, bodies)):
@@ -257,9 +277,13 @@ def _reconciled(
     few = problem.thinned(_MANY)
     if few is not problem and not stated:
         first = closed_form_start(few.observed, few.conditions, few.shared, channels)
-        if _with_masses(few, first, bodies, _massless(few, first), stated=False) is None:
+        if _with_masses(few, first, bodies, _massless(few, first, hasty=True), stated=False) is None:
             return massless
-    return _with_masses(problem, start, bodies, massless, stated=stated) or massless
+    found = _with_masses(problem, start, bodies, massless, stated=stated)
+    if found is None or found[1].objective > MUCH * problem.conditions.label.size:
+        massless = _massless(problem, start, hasty=False)
+        found = _with_masses(problem, start, bodies, massless, stated=stated)
+    return found or massless
 
 
 def _with_masses(
@@ -283,14 +307,16 @@ def _with_masses(
     return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
 
 
-def _massless(problem: Problem, start: ComplexArray) -> _Explained:
-    """The tests explained by specimens without inertia."""
+def _massless(problem: Problem, start: ComplexArray, *, hasty: bool) -> _Explained:
+    """The tests explained by specimens without inertia; if `hasty`, one that is far from them is not reconciled."""
     as_stated = np.zeros(len(problem.shared))
     gross = gross_errors(problem.observed, problem.shared)
     problem = replace(problem, scatter=robust_scatter(problem, deviations(problem, as_stated, start)))
     if gross:
         problem = without_rig(problem, as_stated, start, 1.0)
     problem, solution = solve_either(problem, start)
+    if hasty and not gross and is_vain(problem, solution):
+        return problem, solution, np.ones(problem.conditions.label.size), Misfit(fits=False)
     return reconcile(problem, solution, (start, as_stated), gross)
 
 

@@ -312,3 +312,128 @@ def _agree(ratio: ComplexArray) -> bool:
 
 def _is_one(size: float, angle: float) -> bool:
     return abs(np.log(size)) < _NEAR and abs(angle) < _NEAR
+
+
+# ---- a stated value that K* of neighbouring frequencies contradicts
+
+#: Standard deviations of log K* about the line through its neighbours that are compared: the smallest, the largest and
+#: their number; a specimen is never smoother than the smallest.
+_SMOOTHEST, _ROUGHEST, _GRADES = 0.01, 3.0, 20
+#: Steps of the shared values for each of them, the longest in standard uncertainties, and most conditions that count.
+_MOVES, _LONGEST, _MOST_LINES = 4, 3.0, 2000
+#: A stated value is contradicted if K* moves by more than so many u, and the evidence rises by more than this.
+_BEYOND, _RISES = 3.0, 5.0
+#: Values that move by at least this share of the largest explain as much.
+_AS_MUCH = 0.8
+
+
+def contradicted_by_neighbours(problem: Problem, solution: Solution) -> tuple[Candidate, ...]:
+    r"""The stated values with which K* of neighbouring frequencies would be on one line, the largest first.
+
+    K* of each condition is free, so that a wrong gain may be explained by any K*. But K* of a specimen is smooth over
+    frequency: log K* of a condition lies about the line through its neighbours in log frequency, with the standard
+    deviation that suits the tests best. The shared values are moved from those found, with their covariance, to where
+    both together are most probable. 1/K* is linear in the gains of the motions, so that with the slope B
+
+    .. math:: \log K(\delta z) = \log\hat K - \log(1 + B\,\delta z)
+
+    Returns
+    -------
+    tuple of Candidate
+        Empty if K* would move by no more than its uncertainty.
+    """
+    lines = _Lines.of(problem, solution)
+    if lines is None:
+        return ()
+    sizes = np.geomspace(_ROUGHEST, _SMOOTHEST, _GRADES).tolist()
+    move = found = np.zeros(len(problem.shared))
+    before = max(lines.evidence(move, size) for size in sizes)
+    best = before + _RISES
+    for size in sizes:
+        for _ in range(_MOVES):
+            step = lines.step(move, size)
+            move = move + step * min(1.0, _LONGEST / max(float(np.linalg.norm(step)), _LONGEST))
+        if (now := lines.evidence(move, size)) > best:
+            best, found = now, move
+    if lines.shift(found) < _BEYOND:
+        return ()
+    std, moved = np.sqrt(np.diag(solution.covariance)), lines.root @ found
+    pull = np.abs(moved) / std
+    pull[[row.source.role is Role.SPECIMEN for row in problem.shared.parameters]] = 0.0
+    causes = []
+    for place in [place for place in np.argsort(-pull).tolist() if pull[place] > _AS_MUCH * pull.max()]:
+        unit = problem.shared.std[[place]]
+        cause = cause_of([problem.shared.parameters[place]], (solution.z + moved)[[place]] * unit, std[[place]] * unit)
+        causes.append(replace(cause, explains=2 * (best - before), released=True))
+    return tuple(causes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """log K* of n conditions with a neighbour on each side, about the lines through these.
+
+    Attributes
+    ----------
+    log_k, weight : (n, 3) complex and float arrays
+        log K* of the condition below, of itself and above, and the weights with which they sum to its departure.
+    by : (n, 3, p) complex array
+        Rise of log K* by p independent moves of the shared values, each of one standard uncertainty.
+    variance : (n,) float array
+        Variance of the departure by the noise.
+    u : (n,) float array
+        Standard uncertainty of log K*.
+    root : (p, p) float array
+        The moves in stated standard uncertainties.
+    """
+
+    log_k: ComplexArray
+    weight: FloatArray
+    by: ComplexArray
+    variance: FloatArray
+    u: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, problem: Problem, solution: Solution) -> _Lines | None:
+        """The lines of a solution; None if there are no more than two."""
+        conditions, family = problem.conditions, problem.conditions.family
+        middle = 1 + np.flatnonzero(family[2:] == family[:-2])[:: 1 + family.size // _MOST_LINES]
+        if middle.size <= 2 or not len(problem.shared):
+            return None
+        place = middle[:, None] + np.array([-1, 0, 1])
+        at = np.log(conditions.mean_frequency[place])
+        below = (at[:, 2] - at[:, 1]) / (at[:, 2] - at[:, 0])
+        weight = np.stack([-below, np.ones(middle.size), below - 1.0], axis=1)
+        values, vectors = np.linalg.eigh(solution.covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        by = -np.array([1.0, 1.0j]) @ (solution.slope[place] @ root)
+        own = np.trace(solution.own, axis1=1, axis2=2)[place] / 2
+        u = np.sqrt(own[:, 1] + np.sum(np.abs(by[:, 1]) ** 2, axis=1) / 2 + NEGLIGIBLE**2)
+        return cls(np.log(solution.stiffness)[place], weight, by, np.sum(weight**2 * own, axis=1), u, root)
+
+    def _rest(self, move: FloatArray) -> ComplexArray:
+        """1/K* of the conditions over that found (n, 3) after a move (p,)."""
+        return np.asarray(1.0 - self.by @ move)
+
+    def _off(self, move: FloatArray) -> ComplexArray:
+        """Departures (n,) from the lines after a move."""
+        off = np.sum(self.weight * (self.log_k - np.log(self._rest(move))), axis=1)
+        return np.asarray(off.real + 1j * np.angle(np.exp(1j * off.imag)))
+
+    def evidence(self, move: FloatArray, size: float) -> float:
+        """Logarithm of the probability of the departures and of a move, if the departures have this size."""
+        variance = self.variance + size**2
+        squares = np.abs(self._off(move)) ** 2 / variance
+        return float(-0.5 * np.sum(squares) - np.sum(np.log(variance)) - 0.5 * move @ move)
+
+    def step(self, move: FloatArray, size: float) -> FloatArray:
+        """Gauss-Newton step (p,) of a move to the largest evidence."""
+        root = np.sqrt(self.variance + size**2)
+        by = np.sum((self.weight / self._rest(move))[:, :, None] * self.by, axis=1) / root[:, None]
+        off = self._off(move) / root
+        normal = np.eye(move.size) + (by.conj().T @ by).real
+        return np.asarray(np.linalg.solve(normal, -move - (by.conj().T @ off).real))
+
+    def shift(self, move: FloatArray) -> float:
+        """Median change of K* by a move, in its standard uncertainty."""
+        return float(np.median(np.abs(np.log(self._rest(move)[:, 1])) / self.u))

@@ -10,7 +10,7 @@ derivatives first. If K* scatters from test to test, its scatter is noise along 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -241,6 +241,8 @@ class Linear(ByValue):
         scatter. It is applied to residual and derivatives already.
     log_weight : (N,) float array, optional
         Logarithm of the determinant of `weigh`.
+    unstated : dict, (N,) complex array
+        Derivatives of Zr by the unstated parts, and of all by the impedance of spring and damper, of `unstated_parts`.
     observed, shared, z
         The tests and the shared values.
     """
@@ -255,6 +257,7 @@ class Linear(ByValue):
     ends: Ends
     predicted: ComplexArray
     basis: FloatArray
+    unstated: tuple[Mapping[tuple[str, int], ComplexArray], ComplexArray]
     observed: Observed
     shared: Shared
     z: FloatArray
@@ -275,7 +278,7 @@ class Linear(ByValue):
     @cached_property
     def impedance_by_shared(self) -> ComplexArray:
         """Derivatives (N, p) of Zr by the shared values [N s/m], per stated standard uncertainty."""
-        return _impedance_by_shared(self.observed, self.shared, self.z)
+        return _impedance_by_shared(self.observed, self.shared, self.z, *self.unstated)
 
     def field(self, name: str) -> np.ndarray:
         """A field by its name; one in the four directions is returned in the six of the whitened amplitudes."""
@@ -304,10 +307,12 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     rig, gains = shared.rig_at(z), observed.gains(shared, z)
     added = observed.added(shared.masses_at(z)) - np.where(observed.rigid, rig.tyre_mass, 0.0)
     impedance = np.asarray(rig.impedance(observed.omega, added))
-    extra = shared.extra_at(z)
+    extra, through_frame = shared.extra_at(z), np.ones(1, dtype=complex)
+    by_part: dict[tuple[str, int], ComplexArray] = {}
     if extra:
         speed = np.abs(observed.amplitudes[:, 2])
-        impedance = impedance + unstated_parts(observed.omega, rig, speed, observed.rigid, extra)[0]
+        beside, by_part, through_frame = unstated_parts(observed.omega, rig, speed, observed.rigid, extra)
+        impedance = impedance + beside
     ends = observed.ends(shared, z, stiffness)
     spring, beyond = ends.spring, impedance + np.where(observed.rigid, 0.0, jw * ends.wheel)
     input_mass = rig.input_mass + extra.get(("input", 0), 0.0) + np.where(observed.rigid, 0.0, ends.contact)
@@ -335,6 +340,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
         ends=ends,
         predicted=predicted,
         basis=rotation[:, :, 2:],
+        unstated=(by_part, through_frame),
         observed=observed,
         shared=shared,
         z=z,
@@ -353,12 +359,15 @@ def _by_ends(
     return _three(beyond * of_spring + ratio**2 * wheel + 1j * omega * contact, 0.0, of_spring + by_zr * wheel)
 
 
-def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> ComplexArray:
-    """Derivatives of Zr by z (N, p) [N s/m]."""
-    rig, extra = shared.rig_at(z), shared.extra_at(z)
-    gradient = rig.impedance_gradient(observed.omega)
-    speed = np.abs(observed.amplitudes[:, 2])
-    _, by_part, through_frame = unstated_parts(observed.omega, rig, speed, observed.rigid, extra)
+def _impedance_by_shared(
+    observed: Observed,
+    shared: Shared,
+    z: FloatArray,
+    by_part: Mapping[tuple[str, int], ComplexArray],
+    through_frame: ComplexArray,
+) -> ComplexArray:
+    """Derivatives of Zr by z (N, p) [N s/m]; the last two are `Linear.unstated`."""
+    gradient, extra = shared.rig_at(z).impedance_gradient(observed.omega), shared.extra_at(z)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for place, index in shared.of_role(Role.RIG):
         of = shared.parameters[place].source.of

@@ -21,6 +21,7 @@ from fourpole.core.joint.asking import (
     Trial,
     groups_of,
     is_negligible,
+    most_explained,
     raised,
     tie,
     trials,
@@ -30,7 +31,7 @@ from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_o
 from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve
+from fourpole.core.joint.solve import MUCH, Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
@@ -87,6 +88,15 @@ def reconcile(
         state.solve(replace(state.problem, scatter=0.0))
     misfit = _asked(state, problem.shared)
     return state.problem, state.solution, state.outlier, misfit
+
+
+def is_vain(problem: Problem, solution: Solution) -> bool:
+    """Whether the tests are far from a solution, and all that they could ask for together leaves them so."""
+    most = MUCH * problem.conditions.label.size
+    if solution.objective < most:
+        return False
+    crossed = with_cross_talk(problem, solution)
+    return most_explained(crossed, solution, groups_of(crossed, problem.shared)) > most
 
 
 def with_cross_talk(problem: Problem, solution: Solution) -> Problem:

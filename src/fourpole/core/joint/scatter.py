@@ -24,6 +24,8 @@ MEDIAN = 1.386
 _MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
+#: Share of the variance by the noise of the usual test, below which that by scatter is none: u grows by 1 %.
+_LITTLE = 0.02
 #: Newton steps to the K* of a test by itself.
 _NEWTON = 3
 #: Largest departure of ln K* of a test from its condition; the steps of a rig that is far from its tests go on and on.
@@ -100,7 +102,10 @@ def scatter_of(problem: Problem, departures: Deviations, used: BoolArray, lost: 
     counted = replace(departures, covariance=kept)
     sizes = conditions.sum(used.astype(float))
     dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0))) - lost
-    return root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
+    if not dof > 0:
+        return 0.0
+    found = root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof)
+    return _that_matters(found, departures)
 
 
 def robust_scatter(problem: Problem, departures: Deviations) -> float:
@@ -112,7 +117,14 @@ def robust_scatter(problem: Problem, departures: Deviations) -> float:
     if np.sum(repeated) < _ENOUGH:
         return scatter_of(problem, departures, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    return root_of(lambda scatter: float(np.median(squares(conditions, departures, scatter)[repeated] / free)) - MEDIAN)
+    found = root_of(lambda size: float(np.median(squares(conditions, departures, size)[repeated] / free)) - MEDIAN)
+    return _that_matters(found, departures)
+
+
+def _that_matters(scatter: float, departures: Deviations) -> float:
+    """The scatter; 0 if the variance of log K* of the usual test would grow by no more than `_LITTLE` of itself."""
+    usual = 0.5 * float(np.median(np.trace(departures.covariance, axis1=1, axis2=2)))
+    return scatter if scatter**2 > _LITTLE * usual else 0.0
 
 
 #: Sizes of a scatter that are compared, and the evidence that each condition apart from the others needs besides the

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
 from fourpole.core.joint.shared import Shared, SharedParameter
@@ -28,15 +28,20 @@ _MANY, _REGULAR = 20, 3e-5
 _MOST_STEPS = 60
 #: The search has converged if a step is below this share of every standard uncertainty.
 _SMALL = 1e-5
+#: The evidence is known if the next step lowers the objective by less than this, of an objective of this.
+_SLIGHT, _ROUGHLY = 0.02, 1e3
 #: If no such step is found, a last step below this share of every standard uncertainty is also accepted.
 _CLOSE = 1e-2
 #: The search has also converged if the objective has not fallen by this much in so many steps of at least this share.
 #: If the tests do not distinguish two shared values, the minimum is a curved valley in which every step is long.
 _FLAT, _FLAT_STEPS, _FLAT_SHARE = 0.01, 8, 0.1
+#: A search that leaves more than this of each test is in vain, and has converged if it falls by less than this share.
+MUCH, _VAIN = 40.0, 0.01
 #: Allowed rise of the objective, relative and absolute, because K* is updated with the slopes of the previous step.
 _ALLOWED_RISE = 1e-3
-#: Steps of K* alone that are tried before a step that raises the objective is halved.
-_CORRECTIONS = 4
+#: Steps of K* alone that are tried before a step that raises the objective is halved, as long as each takes this share
+#: of the rise away.
+_CORRECTIONS, _USEFUL = 4, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +117,13 @@ class Problem(ByValue):
         number = np.unique(conditions.family, return_inverse=True)[1]
         count = int(number.max()) + 1
         kept = np.isin(number, np.linspace(0, count - 1, max(round(share * count), 1)).astype(int))
-        rows = np.append(kept, [True])[conditions.label]  # rigid blocks stay
-        label = np.append(np.cumsum(kept) - 1, [-1])[conditions.label][rows]
-        family, k1 = (np.append(one, [-1])[conditions.label][rows] for one in (conditions.family, conditions.k1))
+        return self.part(np.append(kept, [True])[conditions.label])  # rigid blocks stay
+
+    def part(self, rows: BoolArray) -> Problem:
+        """Some of the tests."""
+        of_test = self.conditions.label[rows]
+        label = np.unique(np.append(of_test, -1), return_inverse=True)[1][:-1] - 1
+        family, k1 = (np.append(one, [-1])[of_test] for one in (self.conditions.family, self.conditions.k1))
         observed = self.observed.part(rows)
         apart, lines = (one if one is None else one[rows] for one in (self.apart, self.lines))
         fewer = JointConditions(label, family, observed.omega / (2 * np.pi), k1)
@@ -223,6 +232,7 @@ class Step(ByValue):
     own_root: FloatArray
     slope: FloatArray
     weigh: float = 0.0
+    fall: float = 0.0
 
     @property
     def evidence(self) -> float:
@@ -248,6 +258,11 @@ class Step(ByValue):
         """Covariance (c, 2, 2) of log K* for known shared values."""
         return self.own_root @ np.swapaxes(self.own_root, 1, 2)
 
+    @property
+    def distribution(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """Covariance, `own`, slope and objective, as a solution has them."""
+        return self.covariance, self.own, self.slope, self.objective
+
     def size(self) -> float:
         """Largest change of a value, in its standard uncertainty [1]."""
         covariance = self.covariance
@@ -258,7 +273,13 @@ class Step(ByValue):
 
 
 def solve(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most: int = 0, slope: FloatArray | None = None
+    problem: Problem,
+    start: ComplexArray,
+    z: FloatArray | None = None,
+    most: int = 0,
+    slope: FloatArray | None = None,
+    *,
+    rough: bool = False,
 ) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
@@ -274,6 +295,8 @@ def solve(
         Largest number of steps; 0 for the usual one.
     slope : (c, 2, q) float array, optional
         Slope of log K* by the first q shared values, of a solution nearby.
+    rough : bool
+        Whether the search ends where the evidence is known, and the values need not be.
 
     Returns
     -------
@@ -297,10 +320,12 @@ def solve(
                 break
         else:
             before = (z, stiffness, step)
-            flat = 0 if step.objective < lowest[2].objective - _FLAT else flat + (share >= _FLAT_SHARE)
+            vain = _VAIN * max(0.0, step.objective - MUCH * problem.conditions.label.size)
+            falls = step.objective < lowest[2].objective - _FLAT - vain
+            flat = 0 if falls else flat + (share >= _FLAT_SHARE or vain > 0)
             lowest = before if flat == 0 or step.objective < lowest[2].objective else lowest
             share = min(1.0, 2 * share)
-            if step.size() < _SMALL:
+            if step.size() < _SMALL or (rough and step.fall < _SLIGHT * max(1.0, step.objective / _ROUGHLY)):
                 converged, reason = True, ""
                 break
             if flat > _FLAT_STEPS:
@@ -314,27 +339,48 @@ def solve(
             # Steps of poorly known shared values are long, and K* does not follow them linearly.
             if no_worse(step, best):
                 break
-            stiffness = moved(stiffness, step.own_step)
-            step = sweep(problem, z, stiffness, best.slope)
+            follows = moved(stiffness, step.own_step)
+            after = sweep(problem, z, follows, best.slope)
+            useful = step.objective - after.objective > _USEFUL * (step.objective - best.objective)
+            stiffness, step = (follows, after) if after.objective < step.objective else (stiffness, step)
+            if not useful:
+                break
     z, stiffness, step = before
     if step.size() < _CLOSE:
         converged, reason = True, ""
-    distribution = (step.covariance, step.own, step.slope, step.objective)
-    return Solution(z, stiffness, *distribution, count, converged, reason, step.evidence)
+    return Solution(z, stiffness, *step.distribution, count, converged, reason, step.evidence)
+
+
+def solution_of_part(problem: Problem, solution: Solution, rows: BoolArray) -> tuple[Problem, Solution]:
+    """Some of the tests of a problem, and what these alone say about the values of its solution."""
+    few, label = problem.part(rows), problem.conditions.label[rows]
+    stiffness = solution.stiffness[np.unique(label[label >= 0])]
+    step = sweep(few, solution.z, stiffness)
+    step = sweep(few, solution.z, stiffness, step.slope)
+    return few, Solution(solution.z, stiffness, *step.distribution, 0, converged=True, evidence=step.evidence)
 
 
 def solve_either(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most: int = 0, slope: FloatArray | None = None
+    problem: Problem,
+    start: ComplexArray,
+    z: FloatArray | None = None,
+    most: int = 0,
+    slope: FloatArray | None = None,
+    *,
+    rough: bool = False,
 ) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
     K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
     """
-    solution = solve(problem, start, z, most, slope)
-    if solution.converged or not np.isfinite(problem.conditions.k1).any():
+    solution = solve(problem, start, z, most, slope, rough=rough)
+    if solution.converged or not (problem.conditions.is_apart and np.isfinite(problem.conditions.k1).any()):
         return problem, solution
     simpler = replace(problem, conditions=problem.conditions.without_k1())
-    return simpler, solve(simpler, start, z, most)
+    there = sweep(simpler, solution.z, solution.stiffness, solution.slope).objective
+    if abs(there - solution.objective) < _FLAT + _ALLOWED_RISE * there:  # this is not the reason
+        return problem, solution
+    return simpler, solve(simpler, start, z, most, rough=rough)
 
 
 def no_worse(step: Step, before: Step) -> bool:
@@ -354,7 +400,8 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
     before = np.zeros((problem.conditions.count, 2, p)) if before is None else before
     triangle, objective, weigh, (own_root, slope, own_step) = reduced(problem, z, stiffness, before)
     dz = np.linalg.solve(triangle[:p, :p], triangle[:p, p]) if p else np.zeros(0)
-    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope, weigh)
+    fall = objective - float(triangle[p, p] ** 2)
+    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope, weigh, fall)
 
 
 def reduced(
