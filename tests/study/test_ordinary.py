@@ -122,8 +122,11 @@ def test_single_tests_count_a_mass_that_nobody_stated(unsaid, route):
     for value, std, true in (("Re K* [N/m]", "u(Re K*) [N/m]", "Re K* [N/m] true"),
                              ("TR predicted [1]", "u(TR) [1]", "TR [1]")):  # fmt: skip
         assert ((found[value] - found[true]).abs() < 2.5 * found[std]).all()
-    of_mass = analyse(unsaid, route=route).tables["budget"].filter(pl.col("source") == "belt mass of the specimen")
-    assert of_mass.height or route == "relative"
+    tables = analyse(unsaid, route=route).tables
+    assert tables["budget"].filter(pl.col("source") == "belt mass of the specimen").height or route == "relative"
+    of_balance = tables["checks"].filter(pl.col("code") == "F1 against V2")
+    assert of_balance["test"].is_unique().all()
+    assert of_balance.height == found.height
 
 
 def test_what_a_wrong_sign_makes_is_no_mass(unsaid, tmp_path):
