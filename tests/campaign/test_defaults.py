@@ -22,9 +22,9 @@ from fourpole.campaign.defaults import (
 )
 from fourpole.campaign.schema import ConditionsFile, SpecimenFile
 from fourpole.core.components import COMPONENTS, component
-from fourpole.core.joint.unstated import PRESLIDING, PRESLIDING_STD
 from fourpole.core.rig import PARAMETERS
 from fourpole.core.sources import Kind
+from fourpole.core.unstated import PRESLIDING, PRESLIDING_STD
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "campaign.md").read_text(encoding="utf-8")
 
@@ -46,7 +46,7 @@ HALF = "half of `std_gain` and `std_phase`"
     ("row", "value"),
     [
         ("of a rig that moves add to its preload spring at each frequency", f"{100 * SUPPORT_STD:g} % of it"),
-        ("dry friction of its guide", f"{FRICTION_STD:g} N"),
+        ("none where no force is recorded, as a blocking mass hangs freely", f"{FRICTION_STD:g} N"),
         ("without `frame_stiffness`", f"{1e-6 / FRAME_STD:g} kN/mm, at least"),
         ("`std_gain` of a channel", f"{100 * GAIN_STD:g} %"),
         ("`std_phase` of a channel", f"{np.degrees(PHASE_STD):g}°"),

@@ -10,7 +10,8 @@ from unittest.mock import MagicMock, patch
 import pytest
 
 from fourpole.campaign import channels, folder, limits, place, report, row
-from fourpole.campaign.limits import doubtful_columns, doubtful_uncertainties, doubtful_values
+from fourpole.campaign.folder import doubtful_columns, doubtful_values
+from fourpole.campaign.ordinary import doubtful_uncertainties
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.chain import HighPass
 from fourpole.errors import CampaignError
@@ -45,9 +46,8 @@ def doubtful(name, kind, unit="SI"):
 def unsure(gain=0.01, phase=0.01, mass=0.01):
     """Number of doubts about standard uncertainties of a gain, a phase [rad] and a mass, as shares of them."""
     channel = SimpleNamespace(std_gain=gain, std_phase=phase)
-    rig = SimpleNamespace(values={"moving_mass": SimpleNamespace(value=15.0, std=15.0 * mass)})
-    stated = SimpleNamespace(channels=SimpleNamespace(by_role={"force_in": channel}), all_rigs={"": rig})
-    return len(list(doubtful_uncertainties(stated)))
+    rig = {"moving_mass": SimpleNamespace(value=15.0, std=15.0 * mass)}
+    return len(list(doubtful_uncertainties({"force_in": channel}, {"": rig})))
 
 
 def meant(head):

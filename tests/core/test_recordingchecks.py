@@ -181,6 +181,14 @@ def test_consistency_knows_exchanged_motions():
     assert "V1 and V2 look exchanged" in remark_of(check_consistency(exchanged, rig, 0.0))
 
 
+@pytest.mark.parametrize(("departure", "limit", "verdict"), [
+    (0.05, 0.06, "ok"), (0.07, 0.06, "warning"), (0.19, 0.5, "ok"), (0.21, 0.5, "warning"),
+])  # fmt: skip
+def test_uncertainties_explain_a_departure_up_to_a_fifth(departure, limit, verdict):
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    assert check_consistency(one_test(1 + departure), rig, 0.0, limit).verdict == verdict
+
+
 def test_consistency_knows_the_added_and_the_input_mass():
     rig = Rig(moving_mass=5.0, preload_stiffness=12440.0, input_mass=2.0)
     assert check_consistency(one_test(input_mass=2.0), rig, 10.0).statistic == pytest.approx(0.0, abs=1e-12)

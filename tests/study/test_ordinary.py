@@ -1,13 +1,19 @@
-"""What the joint route is given of the ordinary errors: channels, mountings and specimens."""
+"""What the routes are given of the ordinary errors: channels, mountings and specimens, and parts of the rig."""
+
+import shutil
 
 import numpy as np
+import polars as pl
 import pytest
+from tests.faulty import invert_v2
 
 from fourpole import analyse
 from fourpole.campaign import read_campaign
 from fourpole.core.components import component
+from fourpole.core.routes import ROUTES
 from fourpole.core.sources import Kind
 from fourpole.study import identify
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 EXACT = ", exact = true"
 #: Highest frequency of the tests [Hz].
@@ -98,3 +104,36 @@ def test_mounting_passes_through_to_the_results(bench):
     bench.columns = (*bench.columns, "Mounting")
     bench.dynamic("D1", "1000,110000,left")
     assert bench.found(route="relative")["mounting"] == "left"
+
+
+@pytest.fixture(scope="module")
+def unsaid(tmp_path_factory):
+    """A laboratory that does not mention 1 kg of the tyre that moves with the wheel; its campaign.toml is ordinary."""
+    plan = {"tyres": [RADIAL_PLY], "pressures": [170e3], "preloads": [1000.0], "frequencies": [10.0, 14.0, 18.0, 24.0]}
+    folder = simulate_campaign(tmp_path_factory.mktemp("unsaid"), **plan, seed=4, undeclared={"tyre_mass": 1.0}).folder
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace('ordinary = "zero"', 'ordinary = "table"'))
+    return folder
+
+
+@pytest.mark.parametrize("route", ROUTES)
+def test_single_tests_count_a_mass_that_nobody_stated(unsaid, route):
+    found = analyse(unsaid, route=route).dynamic.join(pl.read_csv(unsaid / "truth.csv"), on="test", suffix=" true")
+    for value, std, true in (("Re K* [N/m]", "u(Re K*) [N/m]", "Re K* [N/m] true"),
+                             ("TR predicted [1]", "u(TR) [1]", "TR [1]")):  # fmt: skip
+        assert ((found[value] - found[true]).abs() < 2.5 * found[std]).all()
+    tables = analyse(unsaid, route=route).tables
+    assert tables["budget"].filter(pl.col("source") == "belt mass of the specimen").height or route == "relative"
+    of_balance = tables["checks"].filter(pl.col("code") == "F1 against V2")
+    assert of_balance["test"].is_unique().all()
+    assert of_balance.height == found.height
+
+
+def test_what_a_wrong_sign_makes_is_no_mass(unsaid, tmp_path):
+    folder = shutil.copytree(unsaid, tmp_path / "inverted")
+    right = analyse(folder, route="mobility").dynamic
+    invert_v2(folder)
+    wrong = analyse(folder, route="mobility").dynamic
+    assert set(wrong["verdict K*"]) == {"warning"}
+    assert (wrong["u(Re K*) [N/m]"] < right["u(Re K*) [N/m]"]).all()
+    assert wrong["Re K* [N/m]"].to_list() == right["Re K* [N/m]"].to_list()

@@ -13,10 +13,21 @@ import numpy as np
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
-from fourpole.campaign.limits import Limits, doubtful_columns, doubtful_uncertainties, doubtful_values, read_limits
+from fourpole.campaign.limits import Limits, read_limits
+from fourpole.campaign.ordinary import doubtful_uncertainties
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.report import logo_of
-from fourpole.campaign.row import DOUBTS, OF_BAND, PASSED, Column, Test, columns_of, condition_of, test_of_row
+from fourpole.campaign.row import (
+    DOUBTS,
+    OF_BAND,
+    PASSED,
+    QUANTITIES,
+    Column,
+    Test,
+    columns_of,
+    condition_of,
+    test_of_row,
+)
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.core.arrays import IntArray, short_repr
 from fourpole.core.phasor import CHANNELS
@@ -37,6 +48,15 @@ LIMITS = "limits.toml"
 MOST_TOML, MOST_TESTS = 1_000_000, 200_000_000
 #: Largest number of unknown names and units that are compared with known ones.
 _HINTED = 1000
+
+#: Similarity from which a name is that of a known column with a slip of the pen.
+_ALIKE = 0.6
+#: Least and greatest value, by column, outside which all values of a campaign are probably in another unit [SI].
+_PLAUSIBLE = {"pressure": (5e3, 2.5e6), "preload": (5.0, 1e6), "temperature": (0.0, 200.0)}
+#: Usual values, by which the unit that was meant is found [SI].
+_USUAL = {"pressure": (5e4, 1.5e6), "preload": (50.0, 1e5), "temperature": (-60.0, 150.0)}
+#: The units that are tried in place of the stated one.
+_MEANT = {"pressure": ("bar", "kPa", "psi"), "preload": ("kN", "N"), "temperature": ("K",)}
 
 
 @dataclass(frozen=True, repr=False)
@@ -198,7 +218,51 @@ def _decimals(cell: str) -> int:
 
 def _doubts(columns: Sequence[Column], tests: Sequence[Test], stated: CampaignFile) -> tuple[str, ...]:
     """What is allowed as it is stated, but probably a slip."""
-    return (*doubtful_columns(columns, stated), *doubtful_values(columns, tests), *doubtful_uncertainties(stated))
+    rigs = {name: rig.values for name, rig in stated.all_rigs.items()}
+    of_table = (*doubtful_columns(columns, stated), *doubtful_values(columns, tests))
+    return (*of_table, *doubtful_uncertainties(stated.channels.by_role, rigs))
+
+
+def doubtful_columns(columns: Sequence[Column], stated: CampaignFile) -> Iterator[str]:
+    """Columns of the user's own, but for axes of the conditions, that were probably meant as known ones."""
+    axes, present = {axis.name for axis in stated.conditions.axes}, {column.name for column in columns}
+    for head in (column.label for column in columns if column.role == "extra" and column.label not in axes):
+        name, unit = units.column_unit(head)
+        alike = [known for known, (kind, _) in QUANTITIES.items() if unit is not None and units.is_unit(unit, kind)]
+        near = [known for known in alike if known not in present]
+        near = near or list(filter(None, [units.nearest(name, alike, _ALIKE)]))
+        if near:
+            best = units.nearest(name, near, 0.0) or near[0]
+            yield (
+                f"tests.csv: column {units.shown(head)} is taken as one of your own, so the analysis does not use it; "
+                f"if '{best} [{unit}]' is meant, rename it"
+            )
+
+
+def doubtful_values(columns: Sequence[Column], tests: Sequence[Test]) -> Iterator[str]:
+    """Columns all values of which were probably meant in another unit."""
+    for column in columns:
+        name, unit = column.name, column.unit
+        if column.role != "quantity" or name not in _PLAUSIBLE:
+            continue
+        low, high = _PLAUSIBLE[name]
+        sizes = sorted(abs(value) for test in tests if (value := test.value(name)))
+        if not sizes or (sizes[0] <= high and sizes[-1] >= low):
+            continue
+        # a temperature has another zero in other units, so its numbers are those of the column only in degC
+        scale = 1.0 if name == "temperature" else units.unit_scale(unit, column.kind)
+        numbers = [size / scale for size in sizes]
+        least, most = _USUAL[name]
+        meant = (other for other in _MEANT[name] if least <= _as_if(numbers[0], other, column.kind) <= most)
+        likely = next(meant, None)
+        hint = f"if {likely} is meant, write '{name} [{likely}]'" if likely else "check its unit"
+        span = f"{numbers[0]:.4g}" if numbers[0] == numbers[-1] else f"{numbers[0]:.4g} to {numbers[-1]:.4g}"
+        yield f"tests.csv: column {units.shown(column.label)} states {span} {unit}: is that so? {hint}"
+
+
+def _as_if(value: float, unit: str, kind: str) -> float:
+    """SI value of a number in another unit."""
+    return float(units.to_si([value], unit, kind)[0])
 
 
 def _checked_together(

@@ -1,11 +1,11 @@
 """Ordinary errors of a channel, as delay, low-cut, slope and mounting: as stated, or by the table of components.
 
-`Stated` is a value with its standard uncertainty, as a text or a table states it.
+`Stated` is a value with its standard uncertainty, as a text or a table states it; some are doubtful.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -39,14 +39,15 @@ class UnstatedFile(File):
     guide_friction: Annotated[float, si("force"), Field(ge=0)] | None = None
     frame: Annotated[float, si("stiffness"), Field(gt=0)] | None = None
 
-    def rig_std(self, *, rigid: bool) -> dict[str, float]:
+    def rig_std(self, *, rigid: bool, guided: bool) -> dict[str, float]:
         """Standard uncertainties of the support [1], of the friction [N], and of a bench's compliance [m/N].
 
-        `rigid` says that no stiffness of a frame is stated.
+        `rigid` says that no stiffness of a frame is stated, `guided` that the mass is no blocking mass, which hangs
+        freely in place of a force cell.
         """
         counted = self.ordinary == "table"
         support, frame = (defaults.SUPPORT_STD, defaults.FRAME_STD) if counted and rigid else (0.0, 0.0)
-        friction = defaults.FRICTION_STD if counted else 0.0
+        friction = defaults.FRICTION_STD if counted and guided else 0.0
         return {
             "support": support if self.support is None else self.support,
             "friction": friction if self.guide_friction is None else self.guide_friction,
@@ -261,3 +262,51 @@ def stated_value(raw: Any, kind: str) -> Stated:
     if std < 0:
         raise ValueError("std is negative: state a standard uncertainty, zero or positive")
     return Stated(value, std, assumed=False)
+
+
+#: A gain, and a value of the rig, is not known at all beyond this relative standard uncertainty; a phase beyond [rad].
+_MOST_RATIO, _MOST_PHASE = 0.5, 0.5
+#: Values of a rig that are always known roughly; a damping may not be.
+_WEIGHED = ("moving_mass", "preload_stiffness")
+
+
+def doubtful_uncertainties(
+    channels: Mapping[str, ChannelFile], rigs: Mapping[str, Mapping[str, Stated]]
+) -> Iterator[str]:
+    """Standard uncertainties so large that another number was probably meant; equal ones of channels together."""
+    gains: dict[float, list[str]] = {}
+    phases: dict[float, list[str]] = {}
+    for role, channel in channels.items():
+        if channel.std_gain is not None and channel.std_gain > _MOST_RATIO:
+            gains.setdefault(channel.std_gain, []).append(role)
+        if channel.std_phase is not None and channel.std_phase > _MOST_PHASE:
+            phases.setdefault(channel.std_phase, []).append(role)
+    for ratio, roles in gains.items():
+        likely = f' A number alone is a ratio: if {ratio:g} % is meant, write "{ratio:g} %".' if ratio >= 1 else ""
+        yield (
+            f"{_of(roles, 'std_gain')} is {100 * ratio:g} %, as if {_sensors(roles)} not calibrated: "
+            f"is that so?{likely}"
+        )
+    for angle, roles in phases.items():
+        yield (
+            f"{_of(roles, 'std_phase')} is {np.degrees(angle):.3g} degrees, as if {_sensors(roles)} not calibrated: "
+            "is that so?"
+        )
+    for name, rig in rigs.items():
+        for part in _WEIGHED:
+            weighed = rig.get(part)
+            if weighed is not None and abs(weighed.std) > _MOST_RATIO * abs(weighed.value) > 0:
+                where = f"campaign.toml: {f'rigs.{name}' if name else 'rig'}.{part}"
+                percent = 100 * weighed.std / abs(weighed.value)
+                yield f"{where} has a standard uncertainty of {percent:.3g} % of it: is that so?"
+
+
+def _of(roles: Sequence[str], key: str) -> str:
+    """A key of some channels in campaign.toml."""
+    if len(roles) == 1:
+        return f"campaign.toml: channels.{roles[0]}.{key}"
+    return f"campaign.toml: [channels] {key} of {', '.join(roles)}"
+
+
+def _sensors(roles: Sequence[str]) -> str:
+    return "the sensor were" if len(roles) == 1 else "the sensors were"

@@ -1,4 +1,4 @@
-"""K* and deflection of each test by itself, before tests are identified together, and its K' against K1.
+"""K* and deflection of each test by itself, its K' against K1, and its F1 against what V2 and the rig need.
 
 K1 may be that of another unit or specimen, V1 of another unit or sign, and K1 of two specimens exchanged.
 """
@@ -12,9 +12,11 @@ from math import atan, exp, log, pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
+from fourpole.core.confidence import CHANCE
+from fourpole.core.identify import MASSES, Answers, propagate
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import relative_route, stiffness_by
@@ -278,3 +280,68 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
     if usual > 0 and np.ptp(swapped) < alike * usual and abs(first - second) > unlike * usual:
         return first, second, usual
     return None
+
+
+#: Departure of F1 from what V2 and the rig need that is no contradiction, whatever is exact [1].
+_LEAST = 1e-4
+
+
+def shown_masses(answers: Answers, specimen: Sequence[str], bound: float, gross: BoolArray) -> FloatArray:
+    r"""Second moments (N, 2, 2) of the masses of each test's specimen that F1 against V2 shows and leaves open [kg²].
+
+    The masses m move with the contact and with the far side of a specimen, and all of its tests share them. With their
+    derivatives A of the whitened departures w,
+
+    .. math:: M = m m^T + I^{-1} (B B^T + I) I^{-1}, \quad m = I^{-1} \sum A^T w, \quad I = \sum A^T A + 1/b^2,
+        \quad B = \sum A^T.
+
+    Errors of the channels count as common to all tests, by B, and as independent. `bound` b [kg] is what a mass may be
+    before the tests. The result is 0 where no test has F1 and V2. In `gross` tests (N,) a sign or a unit of a channel
+    is wrong, and no mass looks like these.
+    """
+    off, covariance, by_masses = _imbalance(answers)
+    known, names = np.isfinite(off).all(axis=1) & ~gross, np.asarray(specimen, dtype=str)
+    turn = _whitening(covariance)
+    drawn, slopes = np.einsum("nij,nj->ni", turn, np.where(known[:, None], off, 0.0)), turn @ by_masses
+    moments = np.zeros((names.size, 2, 2))
+    for name in np.unique(names[known]):
+        own = np.flatnonzero(np.equal(names, name) & known)
+        found = np.linalg.inv(np.einsum("nij,nik->jk", slopes[own], slopes[own]) + bound**-2 * np.eye(2))
+        mass, common = found @ np.einsum("nij,ni->j", slopes[own], drawn[own]), found @ slopes[own].sum(axis=0).T
+        moments[np.equal(names, name)] = np.outer(mass, mass) + common @ common.T + found
+    return moments
+
+
+def largest_imbalance(answers: Answers, masses: FloatArray) -> FloatArray:
+    r"""Largest departure (N,) [1] of F1 from the force that V2 and the rig need which the uncertainties explain.
+
+    It is that in the direction of the departure r, by the covariance S of its parts. Where a channel lacks it is
+    not-a-number.
+
+    .. math:: |r| \sqrt{-2 \ln p/(r^T S^{-1} r)}
+
+    `masses` (N, 2, 2) [kg²] are the second moments of those that the specimens may have.
+    """
+    off, covariance, by_masses = _imbalance(answers)
+    off[(off == 0).all(axis=1)] = 1.0
+    turn = _whitening(covariance + by_masses @ masses @ np.swapaxes(by_masses, 1, 2))
+    size = np.linalg.norm(np.einsum("nij,nj->ni", turn, off), axis=1)
+    return np.linalg.norm(off, axis=1) * np.sqrt(-2 * log(CHANCE)) / size
+
+
+def _imbalance(answers: Answers) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Re and Im (N, 2) of the departure of F1, their covariance (N, 2, 2), and derivatives (N, 2, 2) by the masses."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio, by = answers.balance()
+        covariance = propagate(by, answers.covariance)
+    known = np.isfinite(ratio) & np.isfinite(covariance).all(axis=(1, 2))
+    covariance = np.where(known[:, None, None], covariance, 0.0)
+    off = np.where(known[:, None], parts(ratio - 1.0), np.nan)
+    return off, covariance, np.where(known[:, None, None], by[:, :, MASSES], 0.0)
+
+
+def _whitening(covariance: FloatArray) -> FloatArray:
+    """Inverse square roots (N, 2, 2) of covariances (N, 2, 2) of two parts, with the least variance of each."""
+    squares, vectors = np.linalg.eigh(covariance)
+    scaled = vectors / np.sqrt(np.maximum(squares, 0.0) + _LEAST**2)[:, None]
+    return np.asarray(scaled @ np.swapaxes(vectors, 1, 2))

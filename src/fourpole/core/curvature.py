@@ -22,6 +22,7 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm, stiffness_by
 from fourpole.core.sources import Source
+from fourpole.core.unstated import NOTHING, Unstated, moved_by
 
 #: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
 NOT_LINEAR = 0.3
@@ -177,6 +178,7 @@ def draw_route(
     *,
     added_mass: float = 0.0,
     added_mass_std: float = 0.0,
+    unstated: Unstated = NOTHING,
 ) -> ComplexArray:
     """Draws of K* of one test by a route, with all inputs drawn from normal distributions.
 
@@ -191,6 +193,8 @@ def draw_route(
     rng : numpy.random.Generator
     added_mass, added_mass_std : float [kg]
         Mass fixed to the moving mass, and its standard uncertainty.
+    unstated : Unstated
+        Standard uncertainties of the parts that nobody stated.
 
     Returns
     -------
@@ -211,9 +215,15 @@ def draw_route(
     impedance: complex | ComplexArray = np.inf
     if rig is not None:
         spread = np.append(rig.uncertainties, added_mass_std) * rng.standard_normal((draws, rig.uncertainties.size + 1))
+        f1 = f1 - 1j * omega * (rig.input_mass + spread[:, -2]) * v1
         if not rig.blocked:
             impedance = rig.impedance(omega, added_mass) + spread @ rig.impedance_gradient(omega, added_mass)
-        f1 = f1 - 1j * omega * (rig.input_mass + spread[:, -2]) * v1
+        if (std := unstated.std(rig, np.array([omega]))).any() or np.any(unstated.masses):
+            masses = _normal(np.broadcast_to(unstated.masses, (2, 2)), draws, rng)
+            moved = np.column_stack([std * rng.standard_normal((draws, std.size)), masses[:, 1]])
+            far = v2 if np.isfinite(phasors.motion_out) else f1 / impedance
+            impedance = impedance + np.einsum("ni,ni->n", moved, moved_by(np.full(draws, omega), far))
+            f1 = f1 - 1j * omega * masses[:, 0] * v1
     with np.errstate(divide="ignore", invalid="ignore"):
         return stiffness_by(route, (f1, v1, v2), impedance, omega)
 

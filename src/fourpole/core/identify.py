@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty, error_covariance, parts
 from fourpole.core.curvature import Curvature
 from fourpole.core.phasor import Phasors
+from fourpole.core.polar import loss_factor_of, modulus, ratio
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import (
     ROUTES,
@@ -30,6 +31,7 @@ from fourpole.core.routes import (
 )
 from fourpole.core.sources import Kind, Source
 from fourpole.core.specimen import Body, Inertia
+from fourpole.core.unstated import NOTHING, Unstated, moved_by
 from fourpole.errors import RigError
 
 #: The outputs whose uncertainty is split into its sources, with their units, in the order of every budget.
@@ -41,7 +43,10 @@ _ADDED_AT = 6 + len(PARAMETERS)
 _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
 _BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
-_INPUTS = _BODY_AT + 2
+_UNSTATED_AT = _BODY_AT + 2  # what the support adds to Re and Im of Zr, and the dry friction of the guide
+#: Places of the masses that move with the contact and with the far side of a specimen.
+MASSES: Final = slice(_UNSTATED_AT + 3, _UNSTATED_AT + 5)
+_INPUTS = MASSES.stop
 _ITS = "the specimen"
 _INPUT_MASS_AT, _FRAME_AT = (6 + list(PARAMETERS).index(name) for name in ("input_mass", "frame_stiffness"))
 
@@ -147,7 +152,7 @@ def identify(
     channels: ChannelUncertainty | None = None,
     mounting: Sequence[str] | None = None,
     bodies: Sequence[Body] | None = None,
-    frame_std: float = 0.0,
+    unstated: Unstated = NOTHING,
 ) -> Identification:
     r"""Identify K*, K2, C and TR of each test, with uncertainties to first order; those of K2 and C to second order.
 
@@ -171,8 +176,8 @@ def identify(
     bodies : sequence of N Body, optional
         What is known of the inertia of each specimen; without it the specimens count as massless. It counts where the
         rig is blocked; see `fourpole.core.specimen.Inertia.springs`.
-    frame_std : float [m/N]
-        Standard uncertainty of the compliance of a blocked rig whose frame counts as rigid.
+    unstated : Unstated
+        Standard uncertainties of the parts that nobody stated; by default there are none.
 
     Returns
     -------
@@ -198,7 +203,7 @@ def identify(
     >>> found.k2.round(-2).tolist(), found.c.round(0).tolist()
     ([120000.0], [700.0])
     """
-    answers = _Answers(
+    answers = Answers(
         phasors,
         rig,
         k1,
@@ -209,19 +214,19 @@ def identify(
         channels=channels,
         mounting=mounting,
         bodies=bodies,
-        frame_std=frame_std,
+        unstated=unstated,
     )
     covariance = answers.covariance
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
     passive = np.array([not reason for reason in reasons], dtype=bool)
     with np.errstate(invalid="ignore"):
-        bending = _propagate(answers.jacobian[:, 6:], covariance)[:, 0, 0]
-        arm_covariance = _propagate(answers.jacobian[:, 3:5], covariance) + answers.curvature.covariance(bending)
-        stiffness_covariance, shared = _propagate(answers.jacobian[:, :2], covariance), _shared(answers)
+        bending = propagate(answers.jacobian[:, 6:], covariance)[:, 0, 0]
+        arm_covariance = propagate(answers.jacobian[:, 3:5], covariance) + answers.curvature.covariance(bending)
+        stiffness_covariance, shared = propagate(answers.jacobian[:, :2], covariance), _shared(answers)
         return Identification(
             frequency=np.asarray(phasors.frequency).reshape(passive.size),
             mobility=answers.mobility,
-            mobility_covariance=_propagate(answers.by_mobility, covariance),
+            mobility_covariance=propagate(answers.by_mobility, covariance),
             stiffness=answers.stiffness,
             stiffness_covariance=stiffness_covariance,
             loss_factor=answers.loss_factor,
@@ -242,10 +247,10 @@ def identify(
         )
 
 
-def _shared(answers: _Answers) -> FloatArray:
+def _shared(answers: Answers) -> FloatArray:
     """Change of Re and Im of K* per standard uncertainty of each error that tests share, (N, 2, p) [N/m].
 
-    The errors are those of the channels and of their mountings, of the rig's values and of each added mass.
+    The errors are those of the channels and of their mountings, of friction, of the rig's values, and of the masses.
     """
     by = answers.jacobian[:, :2]
     columns = []
@@ -253,10 +258,17 @@ def _shared(answers: _Answers) -> FloatArray:
         along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
-    own = [by[:, :, index] * np.sqrt(answers.covariance[:, None, index, index]) for index in range(6, _K1_AT)]
+    places = (_UNSTATED_AT + 2, *range(6, _K1_AT))  # the friction, the rig's values, the added mass
+    own = [by[:, :, index] * np.sqrt(answers.covariance[:, None, index, index]) for index in places]
     columns += own[:-1]
     masses = np.unique(answers.added[answers.added != 0])
     columns += [np.where((answers.added == mass)[:, None], own[-1], 0.0) for mass in masses]
+    of_body = answers.covariance[:, MASSES, MASSES]
+    squares, vectors = np.linalg.eigh(of_body)
+    moved = by[:, :, MASSES] @ (vectors * np.sqrt(np.maximum(squares, 0.0))[:, None])
+    _, number = np.unique(of_body.reshape(-1, 4), axis=0, return_inverse=True)
+    for each in np.unique(number) if of_body.any() else ():
+        columns += list(np.moveaxis(np.where((number.ravel() == each)[:, None, None], moved, 0.0), 2, 0))
     return np.nan_to_num(np.stack(columns, axis=2))
 
 
@@ -272,13 +284,13 @@ def variance_by_source(
         square of the uncertainty that `identify` gives, because the inputs are independent. The second-order part of
         K2 and C is distributed in proportion; see `fourpole.core.curvature.Curvature`.
     """
-    answers = _Answers(phasors, rig, k1, **stated)
+    answers = Answers(phasors, rig, k1, **stated)
     count = answers.k1.size
 
     def alone(block: FloatArray, place: slice) -> FloatArray:
         covariance = np.zeros((count, _INPUTS, _INPUTS))
         covariance[:, place, place] = block
-        return np.diagonal(_propagate(answers.jacobian, covariance), 0, 1, 2)
+        return np.diagonal(propagate(answers.jacobian, covariance), 0, 1, 2)
 
     phasor = slice(0, 6)
     sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
@@ -287,8 +299,12 @@ def variance_by_source(
         sources[error.source] = sources.get(error.source, 0.0) + part
     values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
     values += [Source(Kind.ADDED_MASS), Source(Kind.K1), Source(Kind.FREQUENCY)]
-    for i, source in enumerate((*values, Source(Kind.BELT_MASS, _ITS), Source(Kind.BELT_SHARE, _ITS)), start=6):
-        sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
+    values += [Source(Kind.BELT_MASS, _ITS), Source(Kind.BELT_SHARE, _ITS)]
+    values += [Source(Kind.UNSTATED, part) for part in ("frame", "frame", "friction")]
+    for i, source in enumerate(values, start=6):
+        part = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
+        sources[source] = sources.get(source, 0.0) + part
+    sources[Source(Kind.BELT_MASS, _ITS)] += alone(answers.covariance[:, MASSES, MASSES], MASSES)
     return answers.curvature.distributed(sources)
 
 
@@ -302,7 +318,7 @@ def _check_route(route: str, rig: Rig | None) -> None:
         raise RigError("a blocked rig has no motion beyond the specimen: use the mobility route")
 
 
-class _Answers:
+class Answers:
     """Values of N tests for the arguments of `identify`, with their derivatives by every real input.
 
     `jacobian` (N, 7, inputs) is in the order of `OUTPUTS`, followed by the error w of `curvature`; `covariance`
@@ -322,7 +338,7 @@ class _Answers:
         channels: ChannelUncertainty | None = None,
         mounting: Sequence[str] | None = None,
         bodies: Sequence[Body] | None = None,
-        frame_std: float = 0.0,
+        unstated: Unstated = NOTHING,
     ) -> None:
         _check_route(route, rig)
         self._bodies, self._body_std = bodies, np.zeros((np.size(phasors.frequency), 2))
@@ -342,10 +358,11 @@ class _Answers:
         self.covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + of_channels
         of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
         if self._on_frame:
-            of_rig[:, _FRAME_AT - 6] = frame_std
+            of_rig[:, _FRAME_AT - 6] = unstated.frame_std
         omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
-        std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std])
-        self.covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
+        own = (of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std, unstated.std(rig, self.omega))
+        self.covariance[:, range(6, MASSES.start), range(6, MASSES.start)] = np.column_stack(own) ** 2
+        self.covariance[:, MASSES, MASSES] = 0.0 if rig is None or rig.blocked else unstated.masses
 
     @property
     def _on_frame(self) -> bool:
@@ -362,8 +379,9 @@ class _Answers:
         self.by_f1 = self.by_cell_force - (jw * input_mass)[:, None] * self.by_v1
         self.by_f1[:, _INPUT_MASS_AT] -= jw * self.v1
         self.by_f1[:, _OMEGA_AT] -= 1j * input_mass * self.v1
+        self.by_f1[:, MASSES.start] -= jw * self.v1
 
-        self.mobility, by_mobility = _ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
+        self.mobility, by_mobility = ratio(self.v1, self.by_v1, self.cell_force, self.by_cell_force)
         self.by_mobility = parts(by_mobility, axis=-2)
         self.stiffness, by_stiffness = self._stiffness(route)
         if self._on_frame:  # by its compliance, which is zero
@@ -371,7 +389,7 @@ class _Answers:
         by_stiffness[:, _OMEGA_AT] += self.stiffness / self.omega  # the factor jw of every route's formula
         if self._bodies is not None and self.rig is not None and self.rig.blocked:
             by_stiffness = self._without_inertia(self._bodies, by_stiffness, at_ground=self.rig.at_ground)
-        self.loss_factor, by_loss = _loss_factor(self.stiffness, by_stiffness)
+        self.loss_factor, by_loss = loss_factor_of(self.stiffness, by_stiffness)
         by_difference = by_stiffness.copy()
         by_difference[:, _K1_AT] -= 1.0
         self.k2, self.c, by_arm = _arm(self.stiffness, by_difference, self.k1, self.omega)
@@ -387,7 +405,7 @@ class _Answers:
         self._body_std = np.stack([inertia.mass_std, inertia.shape_std], axis=1)
         self.stiffness, by = inertia.springs(self.stiffness, self.omega, at_ground=at_ground)
         by_stiffness = by_stiffness * by[:, :1]
-        by_stiffness[:, _BODY_AT:] += by[:, 1:]
+        by_stiffness[:, _BODY_AT : _BODY_AT + 2] += by[:, 1:]
         by_stiffness[:, _OMEGA_AT] += 2 * inertia.mass / self.omega * by[:, 1]  # mass and frequency act as m w^2
         return by_stiffness
 
@@ -405,7 +423,19 @@ class _Answers:
         gradient = self.rig.impedance_gradient(self.omega, self.added)
         by[:, 6:_K1_AT] = -(mobility**2)[:, None] * gradient
         by[:, _OMEGA_AT] = -(mobility**2) * self.rig.impedance_slope(self.omega, self.added)
+        if not self.rig.blocked:
+            columns = moved_by(self.omega, np.where(np.isfinite(self.v2), self.v2, self.f1 * mobility))
+            by[:, [*range(_UNSTATED_AT, MASSES.start), MASSES.stop - 1]] = -(mobility**2)[:, None] * columns
         return mobility, by
+
+    def balance(self) -> tuple[ComplexArray, FloatArray]:
+        """F1 over the force Zr V2 that the rig needs (N,) [1], and derivatives (N, 2, inputs) of its Re and Im.
+
+        Those by V2 and Zr are of a ratio of 1, as what is unstated adds to Zr V2.
+        """
+        mobility, by = self._rig()
+        by = self.by_f1 * (mobility / self.v2)[:, None] - self.by_v2 / self.v2[:, None] + by / mobility[:, None]
+        return self.f1 * mobility / self.v2, parts(by, axis=-2)
 
     def _stiffness(self, route: str) -> tuple[ComplexArray, ComplexArray]:
         """K* by a route [N/m], and its derivatives with the factor jw of the formula held constant."""
@@ -416,10 +446,10 @@ class _Answers:
             return value, value[:, None] * (self.by_f1 / self.f1[:, None] - by_across / across[:, None])
         rig, by_rig = self._rig()
         if route == "mobility":
-            mobility, by = _ratio(self.v1, self.by_v1, self.f1, self.by_f1)
+            mobility, by = ratio(self.v1, self.by_v1, self.f1, self.by_f1)
             value = mobility_route(mobility, rig, self.omega)
             return value, -(value**2 / jw)[:, None] * (by - by_rig)
-        t, by_t = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
+        t, by_t = ratio(self.v2, self.by_v2, self.v1, self.by_v1)
         value = transmissibility_route(t, 1.0 / rig, self.omega)
         return value, value[:, None] * (by_t / (t * (1 - t))[:, None] - by_rig / rig[:, None])
 
@@ -428,10 +458,10 @@ class _Answers:
 
         Without a rig that moves, the prediction is not-a-number and the derivatives are those of the measured value.
         """
-        measured, by_measured = _ratio(self.v2, self.by_v2, self.v1, self.by_v1)
+        measured, by_measured = ratio(self.v2, self.by_v2, self.v1, self.by_v1)
         if self.rig is None or self.rig.blocked:
             nothing = np.full(self.omega.size, np.nan)
-            return np.abs(measured), nothing, _modulus(measured, by_measured)
+            return np.abs(measured), nothing, modulus(measured, by_measured)
         rig, by_rig = self._rig()
         jw = 1j * self.omega
         joined = self.stiffness * rig
@@ -439,26 +469,7 @@ class _Answers:
         predicted = joined / (joined + jw)
         by_predicted = (jw / (joined + jw) ** 2)[:, None] * by_joined
         by_predicted[:, _OMEGA_AT] -= 1j * joined / (joined + jw) ** 2
-        return np.abs(measured), np.abs(predicted), _modulus(predicted, by_predicted)
-
-
-def _ratio(
-    over: ComplexArray, by_over: ComplexArray, under: ComplexArray, by_under: ComplexArray
-) -> tuple[ComplexArray, ComplexArray]:
-    """A ratio, and its derivatives."""
-    value = over / under
-    return value, (by_over - value[:, None] * by_under) / under[:, None]
-
-
-def _modulus(value: ComplexArray, by_value: ComplexArray) -> FloatArray:
-    """Derivatives of abs(value)."""
-    return (np.conj(value)[:, None] * by_value).real / np.abs(value)[:, None]
-
-
-def _loss_factor(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """K''/K' [1], and its derivatives."""
-    value = stiffness.imag / stiffness.real
-    return value, (by_stiffness.imag - value[:, None] * by_stiffness.real) / stiffness.real[:, None]
+        return np.abs(measured), np.abs(predicted), modulus(predicted, by_predicted)
 
 
 def _arm(
@@ -471,7 +482,7 @@ def _arm(
     return k2, c, slopes
 
 
-def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+def propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     """J S J^T for J (N, outputs, inputs); an input without influence is ignored, even if it is not-a-number."""
     with np.errstate(invalid="ignore"):
         weighted = np.where(jacobian == 0, 0.0, jacobian)
@@ -482,4 +493,4 @@ def _propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 def _std(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     """Standard uncertainty (N,) of an output with derivatives (N, inputs)."""
-    return np.sqrt(np.maximum(_propagate(jacobian[:, None, :], covariance)[:, 0, 0], 0.0))
+    return np.sqrt(np.maximum(propagate(jacobian[:, None, :], covariance)[:, 0, 0], 0.0))

@@ -1,4 +1,4 @@
-"""Modulus and loss angle of the dynamic stiffness, with their derivatives; the values of a row of results."""
+"""Modulus, loss angle and ratios of complex values, with their derivatives; the values of a row of results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.quantities import Quantity
 
 
@@ -43,6 +43,25 @@ def polar(stiffness: ArrayLike) -> tuple[FloatArray, FloatArray]:
         along, across = (np.stack([z.real, z.imag], axis=-1) / size[..., None] for z in (k, 1j * k))
         slopes = np.stack([along, across / size[..., None]], axis=-2)
     return np.stack([size, np.angle(k)], axis=-1), slopes
+
+
+def ratio(
+    over: ComplexArray, by_over: ComplexArray, under: ComplexArray, by_under: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """A ratio (N,), and its derivatives (N, inputs)."""
+    value = over / under
+    return value, (by_over - value[:, None] * by_under) / under[:, None]
+
+
+def modulus(value: ComplexArray, by_value: ComplexArray) -> FloatArray:
+    """Derivatives (N, inputs) of abs(value)."""
+    return (np.conj(value)[:, None] * by_value).real / np.abs(value)[:, None]
+
+
+def loss_factor_of(stiffness: ComplexArray, by_stiffness: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """K''/K' (N,) [1], and its derivatives (N, inputs)."""
+    value = stiffness.imag / stiffness.real
+    return value, (by_stiffness.imag - value[:, None] * by_stiffness.real) / stiffness.real[:, None]
 
 
 def value_of(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -205,8 +205,11 @@ _MISTAKES = {
 }
 
 
-def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
-    """Compare F1 with Zr V2, the force on the rig: by this one relation three channels check each other."""
+def check_consistency(phasors: Phasors, rig: Rig, added_mass: float, limit: float = INCONSISTENT) -> Check:
+    """Compare F1 with Zr V2, the force on the rig: by this one relation three channels check each other.
+
+    `limit` [1] is what the uncertainties explain of the departure, from `core.alone.largest_imbalance`.
+    """
     omega = 2 * np.pi * float(phasors.frequency)
     f1, v1, v2 = (complex(x) for x in phasors.amplitudes)
     impedance = complex(rig.impedance(omega, added_mass))
@@ -219,7 +222,9 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     looks = [look for factor, look in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
     if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
         looks.append(Looks.V1_V2_EXCHANGED)
-    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=angle, looks=tuple(looks))
+    return judged(
+        Code.CONSISTENCY, abs(ratio - 1.0), min(limit, INCONSISTENT), ratio=size, degrees=angle, looks=tuple(looks)
+    )
 
 
 #: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is

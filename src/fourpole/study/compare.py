@@ -292,9 +292,13 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
-            of_mass = group.blocking[place] if group.blocking else ()
-            last += ((row, check) for check in (*of_mass, *stiffness.checks, *_joint_checks(group, place)))
-    judged_points = points.with_checks(last, last=True)
+            of_route = group.checks[place] if group.checks else ()
+            last += ((row, check) for check in (*of_route, *stiffness.checks, *_joint_checks(group, place)))
+    again = {(row, check.code) for row, check in last}
+    earlier = tuple(
+        tuple(check for check in checks if (row, check.code) not in again) for row, checks in enumerate(points.checks)
+    )
+    judged_points = replace(points, checks=earlier).with_checks(last, last=True)
     answered = {row for group in groups if group.joint is not None for row in group.rows.tolist()}
     kept = ([check for check in checks if not (row in answered and _is_answered(check))]
             for row, checks in enumerate(judged_points.checks))  # fmt: skip

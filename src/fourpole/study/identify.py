@@ -13,21 +13,25 @@ from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test, begun_at
 from fourpole.campaign.schema import ConditionsFile
+from fourpole.core.alone import largest_imbalance, shown_masses
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.blocking import blocking_checks, steep_checks, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Check, Code
+from fourpole.core.components import component
 from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import Interval, arm_intervals, draw_around, draw_route, largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
-from fourpole.core.identify import Identification, identify, variance_by_source
+from fourpole.core.identify import Answers, Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.recordingchecks import check_consistency
 from fourpole.core.rig import Rig, given_way, without_fixture
 from fourpole.core.sources import Kind, Source
 from fourpole.core.specimen import Body
+from fourpole.core.unstated import Unstated
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import Key
 from fourpole.study.points import Points, StaticStiffness
@@ -74,8 +78,10 @@ class RigGroup(ByValue):
         What K* is of: springs, driving point or blocked transfer.
     heavy : frozenset of int
         Places of the rows whose specimen has a stated mass that this route does not take out.
-    blocking : tuple of tuple of Check
-        The checks of the blocking mass for each row; empty where a force was recorded.
+    checks : tuple of tuple of Check
+        Checks of each row by its route, which take the place of earlier ones of the same code; none of the joint route.
+    unstated : Unstated
+        Uncertainties of the parts that nobody stated, where each test was taken by itself.
     """
 
     rig_name: str
@@ -90,7 +96,8 @@ class RigGroup(ByValue):
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     k_of: np.ndarray = field(default_factory=lambda: np.array(["springs"]))
     heavy: frozenset[int] = frozenset()
-    blocking: tuple[tuple[Check, ...], ...] = ()
+    checks: tuple[tuple[Check, ...], ...] = ()
+    unstated: Unstated = field(default_factory=Unstated)
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
@@ -210,7 +217,9 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
         "bodies": stated.bodies,
-        **stated.unstated.rig_std(rigid=rig is None or bool(np.isinf(rig.frame_stiffness))),
+        **stated.unstated.rig_std(
+            rigid=rig is None or bool(np.isinf(rig.frame_stiffness)), guided=stated.channels.force_in is not None
+        ),
         "complete": stated.unstated.ordinary == "zero",
         "time": time,
         "apart": np.where(strange, 0.0, apart),
@@ -261,10 +270,10 @@ def _identified(
     of_rig = (rig_name, rows, tuple(keys[index] for index in rows), phasors)
     try:
         joint = used == "joint"
-        group = _joint(of_rig, setup, stiffness, order) if joint else _by_route(used, of_rig, setup, stiffness)
+        group = _joint(of_rig, setup, stiffness, order) if joint else _by_route(used, of_rig, setup, stiffness, checks)
     except np.linalg.LinAlgError as error:
         note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
-        group = _by_route("mobility", of_rig, setup, stiffness)
+        group = _by_route("mobility", of_rig, setup, stiffness, checks)
     notes = [note] if note else []
     if group.estimate is None:
         return group, notes
@@ -299,20 +308,31 @@ def _usable(
 _OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]
 
 
-def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> RigGroup:
-    """The tests of one rig, each by itself by a route."""
+def _by_route(
+    route: str,
+    of_rig: _OfRig,
+    setup: dict[str, Any],
+    stiffness: Sequence[StaticStiffness],
+    earlier: Sequence[Sequence[Check]],
+) -> RigGroup:
+    """The tests of one rig, each by itself by a route; they have checks of `earlier` stages."""
     phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
     arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels", "mounting")}
+    unstated = Unstated(*(setup[name] for name in ("support", "friction", "frame_std")))
     bodies = [setup["bodies"].get(name, Body()) for name in setup["specimen"]]
     known, blocked = np.array([body.mass_std > 0 for body in bodies]), rig is not None and rig.blocked
     if blocked and known.any():
         arguments["bodies"] = bodies
-    if blocked:
-        arguments["frame_std"] = setup["frame_std"]
     at_far_end = route == "transmissibility" or (blocked and rig.at_ground)
     inside = (known | setup["complete"]) & blocked  # its inertia is taken out, or it has none
     k_of = np.where(inside, "springs", "blocked transfer" if at_far_end else "driving point")
-    arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
+    arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route, "unstated": unstated}
+    checks: list[list[Check]] = [[] for _ in k1]
+    if rig is not None and not rig.blocked:
+        masses, limits = _of_balance(phasors, setup, bodies, arguments, earlier)
+        arguments["unstated"] = unstated = replace(unstated, masses=masses)
+        for row, (added, limit) in enumerate(zip(setup["added_mass"].tolist(), limits.tolist(), strict=True)):
+            checks[row].append(check_consistency(phasors.part(row), rig, added, limit))
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
     moved = (setup["apart"] * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
@@ -320,13 +340,34 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     variance = variance_by_source(phasors, rig, k1, **arguments)
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
     heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
-    mass: tuple[tuple[Check, ...], ...] = ()
-    if rig is not None and (route == "transmissibility" or rig.blocked):
+    if rig is not None and route == "transmissibility":
         found = (phasors, rig, result, variance, setup["added_mass"], setup["family"])
-        of_mass = [()] * len(k1) if rig.blocked else [(check,) for check in blocking_checks(*found)]
-        steep = steep_checks(phasors, result, setup["family"], blocked=rig.blocked)
-        mass = tuple((*checks, *([steep[row]] if row in steep else [])) for row, checks in enumerate(of_mass))
-    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy, blocking=mass)
+        for row, check in enumerate(blocking_checks(*found)):
+            checks[row].append(check)
+    if rig is not None and (route == "transmissibility" or rig.blocked):
+        for row, check in steep_checks(phasors, result, setup["family"], blocked=rig.blocked).items():
+            checks[row].append(check)
+    further: dict[str, Any] = {"k_of": k_of, "heavy": heavy, "unstated": unstated}
+    return RigGroup(*of_rig, route, result, variance, checks=tuple(map(tuple, checks)), **further)
+
+
+def _of_balance(
+    phasors: Phasors,
+    setup: dict[str, Any],
+    bodies: Sequence[Body],
+    arguments: dict[str, Any],
+    earlier: Sequence[Sequence[Check]],
+) -> tuple[FloatArray, FloatArray]:
+    """Masses of the specimens that F1 against V2 allows, and the departure of F1 that is explained with them."""
+    rig = setup["rig"]
+    answers = Answers(phasors, rig, **arguments)
+    gross = np.array([any(check.values.get("looks") for check in of_test) for of_test in earlier], dtype=bool)
+    shown = shown_masses(answers, setup["specimen"], component(Kind.BELT_MASS).bound * rig.moving_mass, gross)
+    stated = np.array([body.mass for body in bodies])
+    masses = shown + 0.25 * stated[:, None, None] ** 2  # half of a stated mass moves with either end
+    if setup["complete"]:
+        masses[[body.mass_std == 0 for body in bodies]] = 0.0
+    return masses, largest_imbalance(answers, masses)
 
 
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
@@ -412,7 +453,8 @@ def _intervals(
         else:
             added = {name: float(setup[name][row]) for name in ("added_mass", "added_mass_std")}
             channels, phasors = setup["channels"].part([row]), group.phasors.part(row)
-            stiffness = draw_route(phasors, setup["rig"], group.route, channels, draws, rng, **added)
+            unstated = group.unstated.part(row)
+            stiffness = draw_route(phasors, setup["rig"], group.route, channels, draws, rng, unstated=unstated, **added)
         k1 = result.k1[row] + np.nan_to_num(result.k1_std[row]) * rng.standard_normal(draws)
         intervals[row] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[row]))
     return intervals

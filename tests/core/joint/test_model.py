@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.model import FLOOR, Observed, inverse_upper, linearise, projected, upper_factor, whitened
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.unstated import sliding
 from fourpole.core.sources import PARTS, SHAPES, Kind, Role, Source
+from fourpole.core.unstated import sliding
 
 EPS = np.finfo(float).eps
 #: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.

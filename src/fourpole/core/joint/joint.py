@@ -22,12 +22,12 @@ from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import PARTS_OF_RUN, STEPS, Shared, SharedParameter
 from fourpole.core.joint.solve import MUCH, Problem, Solution, solution_of_part, solve_either
 from fourpole.core.joint.specimens import Misfit
-from fourpole.core.joint.unstated import PRESLIDING_STD
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.sources import PARTS, Kind, Source
 from fourpole.core.specimen import Body
+from fourpole.core.unstated import PRESLIDING_STD
 from fourpole.errors import RigError
 
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,

@@ -20,10 +20,10 @@ from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, inverse_of_two
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
-from fourpole.core.joint.unstated import unstated_parts
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Kind, Role
 from fourpole.core.specimen import Ends, ends_of, massless
+from fourpole.core.unstated import unstated_parts
 
 #: Values of the rig on which an unstated frame in series with the preload spring acts.
 _SUPPORT = ("preload_stiffness", "preload_damping", "preload_loss_factor", "frame_stiffness")

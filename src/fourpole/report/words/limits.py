@@ -116,7 +116,8 @@ def remedy(source: Source, about: About) -> str:
         by_mass = "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
         return text if source.kind in _OVER_FREQUENCY else by_mass
     if about.blocked or source.kind not in _CALIBRATED:
-        return text
+        alone = source.role is Role.SPECIMEN and not (about.joint or about.blocked)
+        return "use the joint route, which takes it out of K*" if alone else text
     return f"{'' if about.with_v2 else 'measure V2 too, '}{_BY_MASS}{text}"
 
 

@@ -1,18 +1,64 @@
-"""Parts of a rig that nobody stated: what they add to its impedance Zr."""
+"""Parts of a rig that nobody stated: how large they may be, and what they add to its impedance Zr."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.rig import Rig
 
 #: Usual deflection at which a guide slides [m], and the standard uncertainty of its logarithm.
 PRESLIDING, PRESLIDING_STD = 3e-5, 1.0
 #: Usual loss factor of a frame at its resonance [1].
 FRAME_LOSS = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Unstated(ByValue):
+    """Standard uncertainties of what nobody stated, for routes that take each test by itself; 0 for none.
+
+    Attributes
+    ----------
+    support : float [1]
+        Of what frame and foundation of a rig that moves add to the force of its preload spring at each frequency, over
+        this force.
+    friction : float [N]
+        Of the dry friction of its guide.
+    frame_std : float [m/N]
+        Of the compliance of a blocked rig whose frame counts as rigid.
+    masses : (N, 2, 2) float array, or 0 [kg²]
+        Of a rig that moves, covariance of the masses of each specimen that move with its contact and with its far side.
+    """
+
+    support: float = 0.0
+    friction: float = 0.0
+    frame_std: float = 0.0
+    masses: FloatArray | float = 0.0
+
+    def part(self, row: int) -> Unstated:
+        """Those of one test."""
+        masses = np.asarray(self.masses)
+        return replace(self, masses=masses[row] if masses.ndim > 2 else masses)
+
+    def std(self, rig: Rig | None, omega: FloatArray) -> FloatArray:
+        """Standard uncertainties (N, 3) of support, twice, and friction, as `moved_by` has them; 0 if nothing moves."""
+        if rig is None or rig.blocked:
+            return np.zeros((omega.size, 3))
+        held = self.support * rig.preload_stiffness / omega
+        return np.stack(np.broadcast_arrays(held, held, self.friction), axis=1)
+
+
+NOTHING: Final = Unstated()
+
+
+def moved_by(omega: FloatArray, v2: ComplexArray) -> ComplexArray:
+    """Change of Zr (N, 4) by Re and Im of what the support adds [N s/m], by dry friction of 1 N, and by 1 kg."""
+    friction = sliding(omega, np.nan_to_num(np.abs(v2)), PRESLIDING)[0]
+    return np.stack([np.ones_like(friction), np.full_like(friction, 1j), friction, 1j * omega], axis=1)
 
 
 def unstated_parts(
