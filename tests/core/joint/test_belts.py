@@ -85,7 +85,7 @@ def test_the_uncertainty_holds_explanations_that_are_as_probable():
     joint, _ = solved(lab, 1)
     other = replace(joint.solution, stiffness=joint.solution.stiffness * np.exp(0.01 - 0.02j))
     contradicts = replace(joint.misfit, fits=False, tied=3)
-    given = [(joint.problem, joint.solution, joint.outlier, joint.misfit), (None, other, None, contradicts)]
+    given = [(joint.problem, joint.solution, joint.outlier, joint.misfit), (joint.problem, other, None, contradicts)]
     _, held, _, misfit = _held(given)
     more = [[1e-4, -2e-4], [-2e-4, 4e-4]]
     assert held.own - joint.solution.own == pytest.approx(np.tile(more, (2, 1, 1)), rel=1e-9)

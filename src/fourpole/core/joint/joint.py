@@ -319,12 +319,16 @@ def _with_masses(
 
 
 def _held(explanations: Sequence[_Explained]) -> _Explained:
-    """The first explanation, whose uncertainty of K* holds that of the others, and which fits if all of them do."""
+    """The first explanation, whose uncertainty of K* holds that of the others.
+
+    It fits if massless specimens among them do, too: masses of the rig are a cause that is as probable. A rod beside an
+    unstated mass is no such cause, for a belt is nearly the same.
+    """
     problem, solution, outlier, misfit = explanations[0]
     off = np.log(np.array([other.stiffness for _, other, *_ in explanations]) / solution.stiffness)
     parts = np.stack([off.real, off.imag], axis=-1)
     own = solution.own + np.einsum("eci,ecj->cij", parts, parts)
-    contradicted = next((other for *_, other in explanations if not other.fits), misfit)
+    contradicted = next((other for one, *_, other in explanations if not (other.fits or one.shared.has_belts)), misfit)
     misfit = replace(misfit, fits=contradicted.fits, candidates=contradicted.candidates, tied=contradicted.tied)
     return problem, replace(solution, own=own), outlier, misfit
 
