@@ -245,6 +245,7 @@ def _settled(state: State, misfit: Misfit) -> Misfit:
         state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(square)))
         misfit = replace(misfit, inflation=misfit.inflation * float(np.sqrt(square)))
         _settle(state)
+    _settle(state)
     return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
 
 
