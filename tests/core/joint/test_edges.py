@@ -191,14 +191,19 @@ def by_median(count):
     """Whether the scatter of K* is that by the median, of so many repeats."""
     conditions = SimpleNamespace(label=np.zeros(count, int), first=0, sizes=np.array([count]))
     noise = scatter.Deviations(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1)))
-    with patch.multiple(scatter, root_of=lambda function: 1.0, scatter_of=lambda *given: 0.0):
+    parts = {
+        "root_of": lambda function: 1.0,
+        "scatter_of": lambda *given: 0.0,
+        "squares": lambda *given: np.ones(count),
+    }
+    with patch.multiple(scatter, **parts):
         return scatter.robust_scatter(SimpleNamespace(conditions=conditions), noise) == 1.0
 
 
-def scattered(share):
-    """Whether a scatter with this share of the variance by the noise is one."""
+def scattered(share, chi2=6.0):
+    """Whether a scatter with this share of the variance by the noise is one, by chi-square of 6 degrees of freedom."""
     noise = scatter.Deviations(np.zeros((3, 2)), np.tile(4.0 * np.eye(2), (3, 1, 1)))
-    return scatter._that_matters(2.0 * np.sqrt(share), noise) > 0
+    return scatter._that_matters(2.0 * np.sqrt(share), noise, chi2, 6.0) > 0
 
 
 def named(shift=9.0, rise=99.0, second=0.0):
@@ -330,6 +335,7 @@ EDGES = {
     "and the evidence rises by 5": (lambda rise: named(rise=rise), {4.95: 0, 5.05: 1}),
     "as another value that moves by 80 %": (lambda second: named(second=second), {0.79: 1, 0.81: 2}),
     "scatter that matters, 2 % of the variance": (scattered, {0.0196: False, 0.0204: True}),
+    "and scatter that is no chance of 0.1 %": (lambda chi2: scattered(0.001, chi2), {22.4: False, 22.5: True}),
     "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
     "belt beside massless ones that fit, 5 from 5": (
         lambda gain: forms(gain, fits=True),

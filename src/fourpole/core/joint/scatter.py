@@ -15,6 +15,7 @@ import scipy
 
 from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray, inverse_of_two
 from fourpole.core.joint.conditions import JointConditions
+from fourpole.core.joint.misfit import is_unlikely
 from fourpole.core.joint.model import inverse_upper, linearise, upper_factor
 from fourpole.core.joint.solve import Problem, Solution
 
@@ -24,8 +25,8 @@ MEDIAN = 1.386
 _MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
-#: Share of the variance by the noise of the usual test, below which that by scatter is none: u grows by 1 %.
-_LITTLE = 0.02
+#: Growth of u of all but this share of the tests by scatter that does not matter, if chance explains the scatter.
+_LITTLE, _FEW = 0.01, 0.1
 #: Newton steps to the K* of a test by itself.
 _NEWTON = 3
 #: Largest departure of ln K* of a test from its condition; the steps of a rig that is far from its tests go on and on.
@@ -105,7 +106,7 @@ def scatter_of(problem: Problem, departures: Deviations, used: BoolArray, lost: 
     if not dof > 0:
         return 0.0
     found = root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof)
-    return _that_matters(found, departures)
+    return _that_matters(found, departures, float(np.sum(squares(conditions, counted, 0.0)[used])), dof)
 
 
 def robust_scatter(problem: Problem, departures: Deviations) -> float:
@@ -118,13 +119,14 @@ def robust_scatter(problem: Problem, departures: Deviations) -> float:
         return scatter_of(problem, departures, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
     found = root_of(lambda size: float(np.median(squares(conditions, departures, size)[repeated] / free)) - MEDIAN)
-    return _that_matters(found, departures)
+    whole = float(np.sum(squares(conditions, departures, 0.0)[repeated]))
+    return _that_matters(found, departures, whole, 2.0 * float(np.sum(free)))
 
 
-def _that_matters(scatter: float, departures: Deviations) -> float:
-    """The scatter; 0 if the variance of log K* of the usual test would grow by no more than `_LITTLE` of itself."""
-    usual = 0.5 * float(np.median(np.trace(departures.covariance, axis1=1, axis2=2)))
-    return scatter if scatter**2 > _LITTLE * usual else 0.0
+def _that_matters(scatter: float, departures: Deviations, chi2: float, dof: float) -> float:
+    """The scatter; 0 if chance explains it, and u of all but a few tests would grow by less than `_LITTLE`."""
+    variance = 0.5 * float(np.quantile(np.trace(departures.covariance, axis1=1, axis2=2), _FEW))
+    return scatter if scatter**2 > 2 * _LITTLE * variance or is_unlikely(chi2, dof) else 0.0
 
 
 #: Sizes of a scatter that are compared, and the evidence that each condition apart from the others needs besides the
