@@ -26,7 +26,7 @@ _MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
 #: Growth of u of all but this share of the tests by scatter that does not matter, if chance explains the scatter.
-_LITTLE, _FEW = 0.01, 0.1
+_LITTLE, _FEW = 0.01, 0.2
 #: Newton steps to the K* of a test by itself.
 _NEWTON = 3
 #: Largest departure of ln K* of a test from its condition; the steps of a rig that is far from its tests go on and on.
