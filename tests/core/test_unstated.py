@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fourpole.core import alone
 from fourpole.core.alone import largest_imbalance, shown_masses
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.confidence import CHANCE
@@ -98,9 +99,20 @@ def test_masses_are_shown_of_their_own_specimen_and_up_to_their_bound():
     assert shown[5, 1, 1] > 3.0
     assert np.linalg.norm(shown[5] - shown[0]) > 1.0
     unknown = ChannelUncertainty(gain=np.full(3, 1e3), phase=np.full(3, 1e3))
+    open_to_both = 7.5**2 * np.array([[1.0, 2 / np.pi], [2 / np.pi, 1.0]])  # of two masses that are not negative
     assert shown_masses(Answers(phasors, RIG, channels=unknown), ONE, 7.5, SOUND)[0] == pytest.approx(
-        7.5**2 * np.eye(2), rel=1e-3, abs=0.1
+        open_to_both, rel=3e-2
     )
+
+
+@pytest.mark.parametrize("mean", [(0.0, 0.0), (1.0, 0.3), (-0.4, 0.5)])
+@pytest.mark.parametrize("across", [0.9, -0.9, -0.9999])
+def test_masses_are_not_negative(mean, across):
+    """The second moments are those of draws without a negative mass."""
+    rng, covariance = np.random.default_rng(3), np.array([[4.0, 2 * across], [2 * across, 1.0]])
+    drawn = rng.multivariate_normal(mean, covariance, 400_000)
+    kept = drawn[(drawn >= 0).all(axis=1)]
+    assert alone._moments(np.array(mean), covariance) == pytest.approx(kept.T @ kept / len(kept), rel=0.1, abs=1e-3)
 
 
 def test_without_v2_nothing_is_shown_and_nothing_is_in_balance():

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import atan, exp, log, pi
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
@@ -284,6 +285,8 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
 
 #: Departure of F1 from what V2 and the rig need that is no contradiction, whatever is exact [1].
 _LEAST = 1e-4
+#: Standard deviations to each side, and number, of the places along the short axis of a distribution of two masses.
+_FARTHEST, _STEPS = 6.0, 241
 
 
 def shown_masses(answers: Answers, specimen: Sequence[str], bound: float, gross: BoolArray) -> FloatArray:
@@ -292,9 +295,10 @@ def shown_masses(answers: Answers, specimen: Sequence[str], bound: float, gross:
     The masses m move with the contact and with the far side of a specimen, and all of its tests share them. With their
     derivatives A of the whitened departures w,
 
-    .. math:: M = m m^T + I^{-1} (B B^T + I) I^{-1}, \quad m = I^{-1} \sum A^T w, \quad I = \sum A^T A + 1/b^2,
+    .. math:: m = I^{-1} \sum A^T w, \quad C = I^{-1} (B B^T + I) I^{-1}, \quad I = \sum A^T A + 1/b^2,
         \quad B = \sum A^T.
 
+    The result is that of the normal distribution about m with the covariance C, of masses that are not negative.
     Errors of the channels count as common to all tests, by B, and as independent. `bound` b [kg] is what a mass may be
     before the tests. The result is 0 where no test has F1 and V2. In `gross` tests (N,) a sign or a unit of a channel
     is wrong, and no mass looks like these.
@@ -308,8 +312,50 @@ def shown_masses(answers: Answers, specimen: Sequence[str], bound: float, gross:
         own = np.flatnonzero(np.equal(names, name) & known)
         found = np.linalg.inv(np.einsum("nij,nik->jk", slopes[own], slopes[own]) + bound**-2 * np.eye(2))
         mass, common = found @ np.einsum("nij,ni->j", slopes[own], drawn[own]), found @ slopes[own].sum(axis=0).T
-        moments[np.equal(names, name)] = np.outer(mass, mass) + common @ common.T + found
+        moments[np.equal(names, name)] = _moments(mass, common @ common.T + found)
     return moments
+
+
+def _moments(mean: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Second moments (2, 2) of two masses that are not negative, of a normal distribution about `mean` (2,).
+
+    Along the long axis of the distribution they have a closed form, and along the short one they are summed. Those of
+    the whole distribution where nearly all of it is negative.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    short, long = (axes * np.sqrt(np.maximum(variance, 0.0))).T
+    steps = np.linspace(-_FARTHEST, _FARTHEST, _STEPS)
+    at = mean[:, None] + short[:, None] * steps
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = -at / long[:, None]
+    low = np.max(np.where(long[:, None] > 0, ends, -np.inf), axis=0)
+    high = np.maximum(np.min(np.where(long[:, None] < 0, ends, np.inf), axis=0), low)
+    with np.errstate(invalid="ignore"):
+        sides = np.stack([low, high])
+        density = np.exp(-0.5 * (sides**2 + steps**2)) / np.sqrt(2 * np.pi)
+        held = np.nan_to_num(sides * density)
+    inside = np.exp(-0.5 * steps**2) * np.diff(scipy.special.ndtr(sides), axis=0)[0]
+    if inside.sum() < CHANCE:
+        return np.outer(mean, mean) + covariance
+    across = np.outer(at @ (density[0] - density[1]), long)
+    square = (at * inside) @ at.T + across + across.T + (inside + held[0] - held[1]).sum() * np.outer(long, long)
+    return np.asarray(square / inside.sum())
+
+
+def shown_friction(answers: Answers, bound: float) -> float:
+    """Dry friction [N] that F1 against V2 shows and leaves open, in the test that shows it best, at most `bound`.
+
+    All tests of a rig have the same guide.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio, by = answers.balance()
+        of_friction, others = by[:, :, -1], answers.covariance.copy()
+        others[:, -1, -1] = 0.0
+        spread = propagate(by, others) + _LEAST**2 * np.eye(2)
+        square = np.sum(of_friction**2, axis=1)
+        found = np.sum(of_friction * parts(ratio - 1.0), axis=1) / square
+        moment = found**2 + np.einsum("ni,nij,nj->n", of_friction, spread, of_friction) / square**2
+    return float(np.sqrt(min(bound**2, np.min(moment, where=np.isfinite(moment), initial=np.inf))))
 
 
 def largest_imbalance(answers: Answers, masses: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test, begun_at
 from fourpole.campaign.schema import ConditionsFile
-from fourpole.core.alone import largest_imbalance, shown_masses
+from fourpole.core.alone import largest_imbalance, shown_friction, shown_masses
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.blocking import blocking_checks, steep_checks, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
@@ -329,6 +329,8 @@ def _by_route(
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route, "unstated": unstated}
     checks: list[list[Check]] = [[] for _ in k1]
     if rig is not None and not rig.blocked:
+        friction = shown_friction(Answers(phasors, rig, **arguments), unstated.friction)
+        arguments["unstated"] = unstated = replace(unstated, friction=friction)
         masses, limits = _of_balance(phasors, setup, bodies, arguments, earlier)
         arguments["unstated"] = unstated = replace(unstated, masses=masses)
         for row, (added, limit) in enumerate(zip(setup["added_mass"].tolist(), limits.tolist(), strict=True)):
