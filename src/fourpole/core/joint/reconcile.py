@@ -134,7 +134,10 @@ def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
             break
         if not all(trial.group.of_specimen for trial in together):
             before = before or _chi2(state)
-            causes.append([_cause(trial, state.solution) for trial in together])
+            named = ((trial.group, _cause(trial, state.solution)) for trial in together)
+            causes.append(
+                [cause for group, cause in named if abs(cause.size) <= group.largest * group.parameters[0].std]
+            )
         misfit = _raise(state, together, misfit)
         scattered = state.solution
         groups = [group for group in groups if not any(trial.group is group for trial in together)]
