@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole.core import alone
-from fourpole.core.alone import largest_imbalance, shown_masses
+from fourpole.core.alone import largest_imbalance, shown_friction, shown_masses
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.confidence import CHANCE
 from fourpole.core.curvature import draw_route
@@ -113,6 +113,13 @@ def test_masses_are_not_negative(mean, across):
     drawn = rng.multivariate_normal(mean, covariance, 400_000)
     kept = drawn[(drawn >= 0).all(axis=1)]
     assert alone._moments(np.array(mean), covariance) == pytest.approx(kept.T @ kept / len(kept), rel=0.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("true", [0.0, 0.05, 0.3, 2.0])
+def test_f1_against_v2_shows_the_friction_of_the_guide(true):
+    friction = true * sliding(OMEGA, np.abs(simulated().motion_out), PRESLIDING)[0]
+    answers = Answers(simulated(added=friction), RIG, unstated=Unstated(friction=1.0))
+    assert shown_friction(answers, 1.0) == pytest.approx(min(true, 1.0), abs=0.02)
 
 
 def test_without_v2_nothing_is_shown_and_nothing_is_in_balance():

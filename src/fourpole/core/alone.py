@@ -17,7 +17,7 @@ from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
 from fourpole.core.confidence import CHANCE
-from fourpole.core.identify import MASSES, Answers, propagate
+from fourpole.core.identify import FRICTION_AT, MASSES, Answers, propagate
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import relative_route, stiffness_by
@@ -349,8 +349,8 @@ def shown_friction(answers: Answers, bound: float) -> float:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio, by = answers.balance()
-        of_friction, others = by[:, :, -1], answers.covariance.copy()
-        others[:, -1, -1] = 0.0
+        of_friction, others = by[:, :, FRICTION_AT], answers.covariance.copy()
+        others[:, FRICTION_AT, FRICTION_AT] = 0.0
         spread = propagate(by, others) + _LEAST**2 * np.eye(2)
         square = np.sum(of_friction**2, axis=1)
         found = np.sum(of_friction * parts(ratio - 1.0), axis=1) / square

@@ -44,8 +44,9 @@ _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
 _BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
 _UNSTATED_AT = _BODY_AT + 2  # what the support adds to Re and Im of Zr, and the dry friction of the guide
-#: Places of the masses that move with the contact and with the far side of a specimen.
-MASSES: Final = slice(_UNSTATED_AT + 3, _UNSTATED_AT + 5)
+#: Places of the dry friction, and of the masses that move with the contact and with the far side of a specimen.
+FRICTION_AT: Final = _UNSTATED_AT + 2
+MASSES: Final = slice(FRICTION_AT + 1, FRICTION_AT + 3)
 _INPUTS = MASSES.stop
 _ITS = "the specimen"
 _INPUT_MASS_AT, _FRAME_AT = (6 + list(PARAMETERS).index(name) for name in ("input_mass", "frame_stiffness"))
@@ -258,7 +259,7 @@ def _shared(answers: Answers) -> FloatArray:
         along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
-    places = (_UNSTATED_AT + 2, *range(6, _K1_AT))  # the friction, the rig's values, the added mass
+    places = (FRICTION_AT, *range(6, _K1_AT))  # the friction, the rig's values, the added mass
     own = [by[:, :, index] * np.sqrt(answers.covariance[:, None, index, index]) for index in places]
     columns += own[:-1]
     masses = np.unique(answers.added[answers.added != 0])
