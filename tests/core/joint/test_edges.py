@@ -203,7 +203,7 @@ def by_median(count):
 def scattered(share, chi2=6.0):
     """Whether a scatter with this share of the variance by the noise is one, by chi-square of 6 degrees of freedom."""
     noise = scatter.Deviations(np.zeros((3, 2)), np.tile(4.0 * np.eye(2), (3, 1, 1)))
-    return scatter._that_matters(2.0 * np.sqrt(share), noise, chi2, 6.0) > 0
+    return scatter._that_matters(2.0 * np.sqrt(share), noise, lambda: chi2, 6.0) > 0
 
 
 def named(shift=9.0, rise=99.0, second=0.0):

@@ -105,8 +105,11 @@ def scatter_of(problem: Problem, departures: Deviations, used: BoolArray, lost: 
     dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0))) - lost
     if not dof > 0:
         return 0.0
-    found = root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof)
-    return _that_matters(found, departures, float(np.sum(squares(conditions, counted, 0.0)[used])), dof)
+
+    def whole(scatter: float) -> float:
+        return float(np.sum(squares(conditions, counted, scatter)[used]))
+
+    return _that_matters(root_of(lambda scatter: whole(scatter) - dof), departures, lambda: whole(0.0), dof)
 
 
 def robust_scatter(problem: Problem, departures: Deviations) -> float:
@@ -118,15 +121,23 @@ def robust_scatter(problem: Problem, departures: Deviations) -> float:
     if np.sum(repeated) < _ENOUGH:
         return scatter_of(problem, departures, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    found = root_of(lambda size: float(np.median(squares(conditions, departures, size)[repeated] / free)) - MEDIAN)
-    whole = float(np.sum(squares(conditions, departures, 0.0)[repeated]))
-    return _that_matters(found, departures, whole, 2.0 * float(np.sum(free)))
+
+    def repeats(scatter: float) -> FloatArray:
+        return np.asarray(squares(conditions, departures, scatter)[repeated])
+
+    found = root_of(lambda scatter: float(np.median(repeats(scatter) / free)) - MEDIAN)
+    return _that_matters(found, departures, lambda: float(np.sum(repeats(0.0))), 2.0 * float(np.sum(free)))
 
 
-def _that_matters(scatter: float, departures: Deviations, chi2: float, dof: float) -> float:
-    """The scatter; 0 if chance explains it, and u of all but a few tests would grow by less than `_LITTLE`."""
+def _that_matters(scatter: float, departures: Deviations, chi2: Callable[[], float], dof: float) -> float:
+    """The scatter; 0 if chance explains it, and u of all but a few tests would grow by less than `_LITTLE`.
+
+    `chi2` has chi-square without scatter, which is asked only where little scatter is found.
+    """
+    if not scatter:
+        return 0.0
     variance = 0.5 * float(np.quantile(np.trace(departures.covariance, axis1=1, axis2=2), _FEW))
-    return scatter if scatter**2 > 2 * _LITTLE * variance or is_unlikely(chi2, dof) else 0.0
+    return scatter if scatter**2 > 2 * _LITTLE * variance or is_unlikely(chi2(), dof) else 0.0
 
 
 #: Sizes of a scatter that are compared, and the evidence that each condition apart from the others needs besides the
