@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from tests.belted_rig import BeltedRig
 
-from fourpole.core.allpoles import all_poles, real_matrix, reciprocal
+from fourpole.core.allpoles import all_poles, reciprocal
+from fourpole.core.arrays import real_matrix
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.errors import RigError
 

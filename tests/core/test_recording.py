@@ -118,6 +118,7 @@ def test_a_single_lost_sample_does_not_pass_in_silence(rate):
 
 @pytest.mark.parametrize("rounded", ["%.5g", "%.6g", "%.3f", "%.4f"])
 @pytest.mark.parametrize("rate", [512.0, 1651.6, 2000.0, 4096.0])
+@pytest.mark.sampled(4)
 def test_stamps_of_a_few_digits_are_those_of_a_uniform_clock(rate, rounded):
     stamps = np.array([float(rounded % time) for time in np.arange(int(130 * rate)) / rate])
     step, remark = uniform_time(stamps)

@@ -140,6 +140,7 @@ def test_a_few_cycles_leave_three_that_are_used(cycles):
 
 @pytest.mark.parametrize("noise", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.sampled(3)
 def test_noisy_random_motion_is_not_cut_into_sines(noise, seed):
     made = motion(random(5.0, 100.0, 60.0))
     made = made + noise * made.std() * np.random.default_rng(seed).normal(size=made.size)

@@ -35,11 +35,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from fourpole.core import stats
-from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelError, parts
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, parts, real_matrix
+from fourpole.core.channelerrors import ChannelError
 from fourpole.core.phasor import Phasors
 from fourpole.errors import RigError
 
@@ -197,18 +197,6 @@ def reciprocal(measured: AllPoles) -> tuple[AllPoles, float]:
         shared=keep @ shared @ root,
     )
     return equal, float(stats.chi2.sf(left @ left, 2 * len(values)))
-
-
-def real_matrix(matrix: ComplexArray) -> FloatArray:
-    """The matrix (..., 2r, 2c) on interleaved Re and Im that acts as a complex one (..., r, c).
-
-    >>> real_matrix(np.array([[1.0 + 2.0j]])).tolist()
-    [[1.0, -2.0], [2.0, 1.0]]
-    """
-    matrix = np.asarray(matrix, dtype=complex)
-    pairs = np.stack([parts(matrix), parts(1j * matrix)], axis=-1)  # (..., r, c, 2, 2)
-    *front, rows, columns = matrix.shape
-    return np.ascontiguousarray(np.swapaxes(pairs, -3, -2)).reshape(*front, 2 * rows, 2 * columns)
 
 
 def all_poles(
@@ -403,16 +391,14 @@ class _Tests:
         by_change = (stiffer.reshape(-1, 1) * own)[:, :, None] * np.array([1, 1j])
         by_mass = (square * by[:, :, 2]).reshape(-1, 1) * np.repeat(mass == self.shared.masses, 2, axis=0)
         columns = [by_mass, -by_input, self.by_error, by_change.reshape(by_mass.shape[0], -1)]
-        return (
-            np.swapaxes(parts(np.concatenate(columns, axis=1)), 1, 2).reshape(-1, self.shared.stds.size)
-            * self.shared.stds
-        )
+        stds = self.shared.stds
+        return np.swapaxes(parts(np.concatenate(columns, axis=1)), 1, 2).reshape(-1, stds.size) * stds
 
     def fitted(self, unknowns: ComplexArray, slopes: ComplexArray) -> _Fit:
         """The unknowns by Gauss-Newton, from first values."""
         ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std) for sign in (1, -1))
         jitter = parts(ahead - behind).reshape(-1, 4) / 2
-        noise = linalg.block_diag(*(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
+        noise = scipy.linalg.block_diag(*(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
         shared = self.by_shared(unknowns, _slope(lambda at: self.model(at, slopes, self.omega), unknowns))
         scale = np.sqrt(np.diagonal(noise))
         root = np.linalg.cholesky((noise + shared @ shared.T) / np.outer(scale, scale))

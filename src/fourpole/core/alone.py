@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelError, parts
+from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray, parts, real_matrix
+from fourpole.core.channelerrors import ChannelError
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
 from fourpole.core.confidence import CHANCE
 from fourpole.core.identify import FRICTION_AT, MASSES, Answers, propagate
@@ -51,17 +51,13 @@ class Alone(ByRows):
     def of(cls, phasors: Phasors, rigs: Sequence[Rig | None], added: FloatArray) -> Alone:
         """K* of N tests on their rigs, with their added masses [kg]."""
         which = np.array([id(rig) for rig in rigs])
-        rows = [np.flatnonzero(which == one) for one in dict.fromkeys(which.tolist())]
-        found = [_alone(phasors.part(of_rig), rigs[of_rig[0]], added[of_rig]) for of_rig in rows]
-        order = np.argsort(np.concatenate([np.zeros(0, int), *rows]))
-        kinds = (complex, float, float, float, complex)
-        columns = zip(*found, strict=True) if found else [[]] * len(kinds)
-        return cls(
-            *(
-                np.concatenate([np.zeros(0, kind), *of_rigs])[order]
-                for of_rigs, kind in zip(columns, kinds, strict=True)
-            )
-        )
+        columns = [np.zeros(which.size, kind) for kind in (complex, float, float, float, complex)]
+        for one in dict.fromkeys(which.tolist()):
+            rows = np.flatnonzero(which == one)
+            found = _alone(phasors.part(rows), rigs[rows[0]], added[rows])
+            for column, of_rig in zip(columns, found, strict=True):
+                column[rows] = of_rig
+        return cls(*columns)
 
 
 def _alone(phasors: Phasors, rig: Rig | None, added: FloatArray) -> tuple[np.ndarray, ...]:
@@ -81,7 +77,7 @@ def _alone(phasors: Phasors, rig: Rig | None, added: FloatArray) -> tuple[np.nda
         slopes = np.select([lost, no_force], [by_force, (none, -lever / v1, lever / v2)], by_motion).T
         moved = deflection_amplitude(force, v1, v2, omega, stiffness=stiffness, blocked=blocked)
         # The larger standard uncertainty of both parts of ln K*, by its slopes.
-        turn = np.stack([parts(slopes.conj()), parts(1j * slopes.conj())], axis=1).reshape(-1, 2, 6)
+        turn = real_matrix(slopes[:, None])
         covariance = np.where(np.isfinite(phasors.covariance), phasors.covariance, 0.0)
         noise = np.sqrt(np.einsum("nki,nij,nkj->nk", turn, covariance, turn).max(axis=1))
     return stiffness, noise, moved, phasors.frequency, lever
@@ -328,9 +324,8 @@ def _moments(mean: FloatArray, covariance: FloatArray) -> FloatArray:
     at = mean[:, None] + short[:, None] * steps
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = -at / long[:, None]
-    low = np.max(np.where(long[:, None] > 0, ends, -np.inf), axis=0)
-    high = np.maximum(np.min(np.where(long[:, None] < 0, ends, np.inf), axis=0), low)
-    with np.errstate(invalid="ignore"):
+        low = np.max(np.where(long[:, None] > 0, ends, -np.inf), axis=0)
+        high = np.maximum(np.min(np.where(long[:, None] < 0, ends, np.inf), axis=0), low)
         sides = np.stack([low, high])
         density = np.exp(-0.5 * (sides**2 + steps**2)) / np.sqrt(2 * np.pi)
         held = np.nan_to_num(sides * density)

@@ -90,6 +90,23 @@ class ByRows(ByValue):
         return type(self)(*(np.asarray(getattr(self, field.name))[rows] for field in fields(cast("Any", self))))
 
 
+def parts(values: ComplexArray, axis: int = -1) -> FloatArray:
+    """Real and imaginary part of complex values, along a new axis."""
+    return np.stack([values.real, values.imag], axis=axis)
+
+
+def real_matrix(matrix: ComplexArray) -> FloatArray:
+    """The matrix (..., 2r, 2c) on interleaved Re and Im that acts as a complex one (..., r, c).
+
+    >>> real_matrix(np.array([[1.0 + 2.0j]])).tolist()
+    [[1.0, -2.0], [2.0, 1.0]]
+    """
+    matrix = np.asarray(matrix, dtype=complex)
+    pairs = np.stack([parts(matrix), parts(1j * matrix)], axis=-1)  # (..., r, c, 2, 2)
+    *front, rows, columns = matrix.shape
+    return np.ascontiguousarray(np.swapaxes(pairs, -3, -2)).reshape(*front, 2 * rows, 2 * columns)
+
+
 def inverse_of_two(matrix: FloatArray) -> FloatArray:
     """Inverses of matrices (N, 2, 2), in closed form: LAPACK takes ten times as long for as many small ones.
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 
@@ -48,24 +48,31 @@ def whitened(rows: FloatArray, starts: BoolArray, *, plain: bool = False) -> tup
     log_variance : (G,) float array
     count : (G,) float array
     """
-    decay, share, count = (column[:1] if plain else column for column in memories())
+    decay, _, count = memories()
     if plain:
-        return rows[None], np.zeros(1), count
-    out = np.empty((decay.size, *rows.shape))
-    logs = np.zeros(decay.size)
-    ahead = share
-    guess = np.zeros((decay.size, rows.shape[1]))
-    for i, row in enumerate(rows):
-        if starts[i]:
-            ahead, guess = share, np.zeros_like(guess)
-        variance = ahead + 1.0 - share
-        left = row - guess
-        out[:, i] = left / np.sqrt(variance)[:, None]
-        logs += np.log(variance)
-        gain = ahead / variance
-        guess = decay[:, None] * (guess + gain[:, None] * left)
-        ahead = decay**2 * ahead * (1.0 - gain) + share * (1.0 - decay**2)
-    return out, logs, count
+        return rows[None], np.zeros(1), count[:1]
+    place = np.arange(starts.size) - np.maximum.accumulate(np.where(starts, np.arange(starts.size), 0))
+    variance, gain = (table[place] for table in _prediction(1 << (starts.size - 1).bit_length()))
+    fade = np.where(np.append(starts[1:], True)[:, None], 0.0, decay)
+    guess = np.zeros((starts.size + 1, decay.size, rows.shape[1]))
+    np.multiply((fade * gain)[..., None], rows[:, None], out=guess[1:])
+    for i, kept in enumerate((fade * (1.0 - gain))[..., None]):
+        guess[i + 1] += kept * guess[i]
+    out = rows[:, None] - guess[:-1]
+    out /= np.sqrt(variance)[..., None]
+    return np.swapaxes(out, 0, 1), np.log(variance).sum(axis=0), count
+
+
+@lru_cache(maxsize=2)
+def _prediction(count: int) -> tuple[FloatArray, FloatArray]:
+    """Variance of a row, given the rows of its stretch before it, and gain of the next prediction (count, G)."""
+    decay, share, _ = memories()
+    variance, ahead = np.empty((2, count, decay.size))
+    ahead[0] = share
+    for i in range(count):
+        variance[i] = ahead[i] + 1.0 - share
+        ahead[i + 1 : i + 2] = decay**2 * ahead[i] * (1.0 - ahead[i] / variance[i]) + share * (1.0 - decay**2)
+    return variance, ahead / variance
 
 
 #: A record of at least so many samples is stepped if it makes this share of its way in at most this share of its
@@ -140,7 +147,8 @@ def _rests_of(values: FloatArray) -> IntArray | None:
     blocks = -(-count // size)
     padded = np.append(values, np.full(blocks * size - count, values[-1]))
     middle = np.median(padded.reshape(blocks, size), axis=1)
-    smooth = scipy.ndimage.median_filter(middle, size=max(5, blocks // 50 | 1), mode="nearest")
+    width = max(5, blocks // 50 | 1)
+    smooth = np.median(sliding_window_view(np.pad(middle, width // 2, mode="edge"), width), axis=1)
     steps = np.abs(np.diff(smooth, prepend=smooth[0]))
     moves = steps > max(_QUICK * float(np.median(steps)), _STEP * span)
     if steps[moves].sum() < _WAY * steps.sum() or moves.mean() > _MOVING:
@@ -268,7 +276,7 @@ def levels(deflection: FloatArray) -> int:
         return 0
     low, span = float(deflection.min()), float(np.ptp(deflection)) or 1.0
     bins = np.minimum((deflection - low) / span * _BINS, _BINS - 1).astype(int)
-    return int(min(np.unique(deflection).size, np.unique(bins).size))
+    return int(np.count_nonzero(np.bincount(bins)))
 
 
 def _rest(deflection: FloatArray, turn: int, step: int) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
 from fourpole.core.components import component
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
@@ -125,10 +125,9 @@ class ChannelUncertainty(ByValue):
                 turn = row.shape.turn(omega) / scale
                 listed.append(ChannelError(Source(kind, symbol), row.unit, channel, std * scale, turn))
             if self.response is not None:
-                gain, phase = self.response[:, channel].real, self.response[:, channel].imag
-                sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
-                listed.append(ChannelError(sources[0], "1", channel, float(gain.any()), gain + 0j))
-                listed.append(ChannelError(sources[1], "1", channel, float(phase.any()), 1j * phase))
+                own = self.response[:, channel]
+                for kind, turn in ((Kind.RESPONSE_GAIN, own.real + 0j), (Kind.RESPONSE_PHASE, 1j * own.imag)):
+                    listed.append(ChannelError(Source(kind, symbol), "1", channel, float(turn.any()), turn))
             for kinds, std, number in apart:
                 for each in np.unique(number):
                     own = (number == each) + 0j
@@ -136,10 +135,8 @@ class ChannelUncertainty(ByValue):
                         error = ChannelError(Source(kind, symbol), component(kind).unit, channel, float(part), turn)
                         listed.append(error)
         if self.fixture is not None:
-            row = component(Kind.FIXTURE)
-            listed.append(
-                ChannelError(Source(Kind.FIXTURE, SYMBOLS[CHANNELS[1]]), row.unit, 1, self.fixture_std, self.fixture)
-            )
+            source, unit = Source(Kind.FIXTURE, SYMBOLS[CHANNELS[1]]), component(Kind.FIXTURE).unit
+            listed.append(ChannelError(source, unit, 1, self.fixture_std, self.fixture))
         return [error for error in listed if possible or error.std > 0]
 
     def _common(self, channel: int, apart: Sequence[complex]) -> dict[Kind, float]:
@@ -148,10 +145,8 @@ class ChannelUncertainty(ByValue):
             float(np.sqrt(max(whole[channel] ** 2 - sum(part(std) ** 2 for std in apart), 0.0)))
             for whole, part in ((self.gain, np.real), (self.phase, np.imag))
         )
-        rest = (float(of_all[channel]) for of_all in (self.delay, self.low_cut, self.slope))
-        return dict(
-            zip((Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE), (gain, phase, *rest), strict=True)
-        )
+        rest = {Kind.DELAY: self.delay, Kind.LOW_CUT: self.low_cut, Kind.SLOPE: self.slope}
+        return {Kind.GAIN: gain, Kind.PHASE: phase, **{kind: float(of_all[channel]) for kind, of_all in rest.items()}}
 
 
 def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
@@ -161,8 +156,3 @@ def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArra
     block = slice(2 * error.channel, 2 * error.channel + 2)
     result[:, block, block] = along[:, :, None] * along[:, None, :]
     return result
-
-
-def parts(values: ComplexArray, axis: int = -1) -> FloatArray:
-    """Real and imaginary part of complex values, along a new axis."""
-    return np.stack([values.real, values.imag], axis=axis)

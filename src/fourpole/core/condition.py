@@ -178,11 +178,8 @@ class Sameness:
             place = next(fits, len(ends))
             if place == len(ends):
                 ends.append((condition, condition))
-            else:
-                ends[place] = (
-                    _end(ends[place][0], condition, lowest=True),
-                    _end(ends[place][1], condition, lowest=False),
-                )
+            low, high = ends[place]
+            ends[place] = _end(low, condition, lowest=True), _end(high, condition, lowest=False)
             number[condition] = place
         return np.array([number[condition] for condition in conditions], dtype=np.int64)
 

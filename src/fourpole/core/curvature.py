@@ -165,7 +165,7 @@ def draw_around(stiffness: complex, covariance: FloatArray, draws: int, rng: np.
     """Draws (draws,) of K* [N/m], normal in log K*, from the covariance (2, 2) of Re and Im of K*."""
     turn = np.array([[stiffness.real, stiffness.imag], [-stiffness.imag, stiffness.real]]) / abs(stiffness) ** 2
     parts = _normal(turn @ covariance @ turn.T, draws, rng)
-    return np.asarray(stiffness * np.exp(parts[:, 0] + 1j * parts[:, 1]))
+    return np.asarray(stiffness * np.exp(parts.view(complex)[:, 0]))
 
 
 def draw_route(
@@ -266,6 +266,7 @@ def arm_intervals(stiffness: ComplexArray, k1: FloatArray, omega: float) -> tupl
 
 def _interval(inverse: FloatArray) -> Interval:
     """Quantiles of a quantity from draws of its inverse."""
-    low = np.quantile(inverse[np.isfinite(inverse)], [1 - level for level in LEVELS])
+    order = np.sort(inverse[np.isfinite(inverse)])
+    low = np.interp((1 - np.array(LEVELS)) * (order.size - 1), np.arange(order.size), order)
     with np.errstate(divide="ignore"):
         return Interval(np.where(low > 0, 1.0 / low, np.inf), float(np.mean(~(inverse > 0))))

@@ -14,8 +14,8 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelUncertainty, error_covariance, parts
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
+from fourpole.core.channelerrors import ChannelUncertainty, error_covariance
 from fourpole.core.curvature import Curvature
 from fourpole.core.phasor import Phasors
 from fourpole.core.polar import loss_factor_of, modulus, ratio
@@ -204,19 +204,7 @@ def identify(
     >>> found.k2.round(-2).tolist(), found.c.round(0).tolist()
     ([120000.0], [700.0])
     """
-    answers = Answers(
-        phasors,
-        rig,
-        k1,
-        k1_std=k1_std,
-        route=route,
-        added_mass=added_mass,
-        added_mass_std=added_mass_std,
-        channels=channels,
-        mounting=mounting,
-        bodies=bodies,
-        unstated=unstated,
-    )
+    answers = Answers(phasors, rig, k1, k1_std, route, added_mass, added_mass_std, channels, mounting, bodies, unstated)
     covariance = answers.covariance
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
     passive = np.array([not reason for reason in reasons], dtype=bool)
@@ -331,7 +319,6 @@ class Answers:
         phasors: Phasors,
         rig: Rig | None,
         k1: ArrayLike = np.nan,
-        *,
         k1_std: ArrayLike = 0.0,
         route: str = "mobility",
         added_mass: ArrayLike = 0.0,
@@ -393,7 +380,9 @@ class Answers:
         self.loss_factor, by_loss = loss_factor_of(self.stiffness, by_stiffness)
         by_difference = by_stiffness.copy()
         by_difference[:, _K1_AT] -= 1.0
-        self.k2, self.c, by_arm = _arm(self.stiffness, by_difference, self.k1, self.omega)
+        self.k2, self.c = maxwell_arm(self.stiffness, self.k1, self.omega)
+        by_arm = arm_slopes(self.stiffness, self.k1, (self.k2, self.c), self.omega, by_difference)
+        by_arm[:, 1, _OMEGA_AT] -= self.c / self.omega
         self.curvature = Curvature.of(self.stiffness, self.k1, self.omega)
         bending = self.curvature.by(by_difference)
         self.tr_measured, self.tr_predicted, by_tr = self._transmissibility(by_stiffness)
@@ -471,16 +460,6 @@ class Answers:
         by_predicted = (jw / (joined + jw) ** 2)[:, None] * by_joined
         by_predicted[:, _OMEGA_AT] -= 1j * joined / (joined + jw) ** 2
         return np.abs(measured), np.abs(predicted), modulus(predicted, by_predicted)
-
-
-def _arm(
-    stiffness: ComplexArray, by_difference: ComplexArray, k1: FloatArray, omega: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K2 [N/m] and C [N s/m], and their derivatives (N, 2, inputs) from those of K* - K1."""
-    k2, c = maxwell_arm(stiffness, k1, omega)
-    slopes = arm_slopes(stiffness, k1, (k2, c), omega, by_difference)
-    slopes[:, 1, _OMEGA_AT] -= c / omega
-    return k2, c, slopes
 
 
 def propagate(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -113,10 +113,8 @@ def cells(text: bytes, separator: str, ending: bytes, decimal: str, wanted: Sequ
     """
     if (loaded := library()) is None:
         return None
-    place, room = (
-        np.full(width, -1, dtype=np.int64),
-        int(np.count_nonzero(np.frombuffer(text, dtype=np.uint8) == ending[0])) + 1,
-    )
+    place = np.full(width, -1, dtype=np.int64)
+    room = int(np.count_nonzero(np.frombuffer(text, dtype=np.uint8) == ending[0])) + 1
     place[list(wanted)] = np.arange(len(wanted))
     columns, signs = np.empty((len(wanted), room)), (ord(separator), ending[0], ord(decimal))
     rows = loaded.fp_cells(text, len(text), *signs, width, _address(place), _address(columns), room)

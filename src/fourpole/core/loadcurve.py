@@ -205,14 +205,14 @@ class LoadCurve(ByValue):
         """Mean curve of the last complete cycle, the points that it uses, and which of all in contact these are."""
         return self._fit(-1)
 
-    def _fit(self, cycle: int) -> tuple[MeanCurve, Pairs, BoolArray]:
+    def _fit(self, cycle: int, *, alone: bool = False) -> tuple[MeanCurve, Pairs, BoolArray]:
         """Mean curve of a cycle without its outliers, the points that it uses, and which of those in contact."""
         points = self._cycle(cycle)
-        curve = fit_curve(*points)
+        curve = fit_curve(*points, alone=alone)
         used = ~off_the_curve(curve, points.load)
         if not used.all():
             points = points.part(used)
-            curve = fit_curve(*points)
+            curve = fit_curve(*points, alone=alone)
         return curve, points, used
 
     def _cycle(self, cycle: int) -> Pairs:
@@ -231,7 +231,7 @@ class LoadCurve(ByValue):
     @cached_property
     def _last_but_one(self) -> tuple[MeanCurve, Pairs, BoolArray] | None:
         """The cycle before the last, as `_fitted`; None if it is the first, which conditions the rubber."""
-        return self._fit(-2) if self.cycles > 2 else None
+        return self._fit(-2, alone=True) if self.cycles > 2 else None
 
     @property
     def order(self) -> int:
@@ -334,7 +334,7 @@ class LoadCurve(ByValue):
             return 0.0
         curve, points, _ = self._last_but_one
         if now.reach:
-            before = in_part(points, now.middle, now.reach, load)
+            before = in_part(points, now.middle, now.reach, load, alone=True)
             return 0.0 if before is None else abs(now.slope - before.slope)
         try:
             return abs(now.slope - curve.slope(self._deflection_at(curve, load)))
@@ -450,7 +450,7 @@ class LoadCurve(ByValue):
             return Secant(float("nan"), "the mean of the branches does not reach zero load")
         return Secant(load / travel) if travel and load else Secant(float("nan"), "the load is zero: no secant")
 
-    @property
+    @cached_property
     def hysteresis_loss(self) -> float:
         """Energy lost in the last complete cycle, the area of the loop [J]; not-a-number for one branch."""
         if self.cycles == 0:
@@ -459,7 +459,7 @@ class LoadCurve(ByValue):
         closed_x, closed_f = np.append(x, x[0]), np.append(f, f[0])
         return float(np.sum(0.5 * (closed_f[1:] + closed_f[:-1]) * np.diff(closed_x)))
 
-    @property
+    @cached_property
     def loss_std(self) -> float:
         """Standard uncertainty of the loss [J] without that of the gains: noise, shift of the load, change by cycle."""
         if self.cycles == 0:
@@ -482,7 +482,7 @@ class LoadCurve(ByValue):
         x = np.linspace(*self._last.span, points)
         return x, self._last.value(x)
 
-    @property
+    @cached_property
     def nonlinearity(self) -> float:
         """Largest departure of the mean curve from the line through 10 and 90 % of the load span, over the span [1]."""
         curve = self._last

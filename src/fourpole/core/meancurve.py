@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
@@ -97,9 +96,9 @@ class MeanCurve(ByValue):
         """Mean load P at a deflection [m], in N."""
         return chebyshev.chebval(self._place(deflection), self.fits[0])
 
-    def slope(self, deflection: float, fit: int = 0) -> float:
-        """Slope P' [N/m] at a deflection [m], of the best fit or another one."""
-        by = chebyshev.chebder(self.fits[fit])
+    def slope(self, deflection: float) -> float:
+        """Slope P' [N/m] at a deflection [m]."""
+        by = chebyshev.chebder(self.fits[0])
         return float(chebyshev.chebval(self._place(deflection), by)) / self.half
 
     def bend(self, deflection: float) -> float:
@@ -114,12 +113,13 @@ class MeanCurve(ByValue):
         """
         place, best = self._place(deflection), self.slope(deflection)
         follow = self.bend(deflection) / best if best else 0.0
-        slopes, variances = np.zeros(len(self.fits)), np.zeros(len(self.fits))
-        for number, (fit, both) in enumerate(zip(self.fits, self.covariances, strict=True)):
-            unit = np.eye(fit.size)
-            by = chebyshev.chebval(place, chebyshev.chebder(unit)) / self.half - follow * chebyshev.chebval(place, unit)
-            slopes[number] = self.slope(deflection, number)
-            variances[number] = max(0.0, *(float(by @ covariance @ by) for covariance in both))
+        unit = np.eye(max(fit.size for fit in self.fits))
+        rise = chebyshev.chebval(place, chebyshev.chebder(unit)) / self.half
+        by = rise - follow * chebyshev.chebval(place, unit)
+        slopes = np.array([rise[: fit.size] @ fit for fit in self.fits])
+        variances = np.array(
+            [max(0.0, *(by[: len(one)] @ one @ by[: len(one)] for one in every)) for every in self.covariances]
+        )
         variance = float(self.weights @ (variances + (slopes - best) ** 2))
         return best, float(np.hypot(np.sqrt(variance), _LEAST_STD * best))
 
@@ -145,66 +145,64 @@ class MeanCurve(ByValue):
         return float(2 * (high - low) / (2 * step * self.half))
 
 
-def fit_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, whole: bool = True) -> MeanCurve:
+def fit_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, alone: bool = False) -> MeanCurve:
     """Fit F = P(x) + side H(x) to the points, or to the rests of a stepped record; see `fit_mean_curve`."""
     number = rests(deflection, load)
     if number is None:
-        return fit_mean_curve(deflection, load, side, whole=whole)
+        return fit_mean_curve(deflection, load, side, alone=alone)
     return _fit_rests(deflection, load, side, number)
 
 
 def fit_mean_curve(
-    deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, whole: bool = True
+    deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, whole: bool = True, alone: bool = False
 ) -> MeanCurve:
     """Fit F = P(x) + side H(x); `side` is +1 on loading, -1 on unloading, None for a single branch.
 
-    `whole` says whether the branches turn at the ends of the deflections, as they do not in a part of a cycle.
+    `whole` says whether the branches turn at the ends of the deflections, as they do not in a part of a cycle. The best
+    fit `alone` is enough where no uncertainty is asked.
     """
     low, high = float(deflection.min()), float(deflection.max())
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     place = np.clip((deflection - centre) / half, -1.0, 1.0)
-    plain, rounded = _gap_columns(place, side, whole=whole)
     # Half the number of deflections allows a few points read by hand to show a curvature.
     highest = int(np.clip(levels(place) // 2, 1, _HIGHEST_ORDER))
-    mean = chebyshev.chebvander(place, highest)
-    columns = np.concatenate([plain, rounded, mean], axis=1)
-    rows, starts = _rows(np.column_stack([columns, load]), place, side)
-    ranked = _ranked(rows, starts, plain.shape[1], rounded.shape[1], float(np.max(np.abs(load))))
+    powers = chebyshev.chebvander(place, _HIGHEST_ORDER)
+    plain, rounded = (0, 0) if side is None else _gap_terms(place, side, whole=whole)
+    turning = (np.zeros_like(place) if side is None else side)[:, None]
+    circle = turning * np.sqrt(1.0 - place**2)[:, None]
+    parts = turning * powers[:, :plain], circle * powers[:, :rounded], powers[:, : highest + 1], load[:, None]
+    table = np.concatenate(parts, axis=1)
+    rows, starts = _rows(table, place, side)
+    ranked = _ranked(rows, starts, plain, rounded, float(np.max(np.abs(load))))[: 1 if alone else None]
 
-    first, covariances = np.zeros(columns.shape[1]), []
+    first, covariances = np.zeros(table.shape[1] - 1), []
     fits: list[FloatArray] = []
-    for _, table, used in ranked:
-        free = np.linalg.lstsq(table[:, used], table[:, -1], rcond=1e-12)[0]
+    for _, white, triangle, used in ranked:
+        inverse = np.linalg.pinv(triangle[:, used], rcond=1e-12)
+        free = inverse @ triangle[:, -1]
         if not fits:
             first[used] = free
-        gap = sum(column < columns.shape[1] - mean.shape[1] for column in used)
+        gap = sum(column < plain + rounded for column in used)
         fits.append(free[gap:])
-        covariances.append(_covariances(table[:, used], table[:, -1] - table[:, used] @ free, gap))
-    weights = np.array([weight for weight, _, _ in ranked])
+        covariances.append(_covariances(white[:, used], white[:, -1] - white[:, used] @ free, inverse, gap))
+    weights = np.array([weight for weight, *_ in ranked])
     return MeanCurve(
         centre=centre,
         half=half,
         fits=fits,
         covariances=covariances,
         weights=weights / weights.sum(),
-        gap=first[: plain.shape[1]] if plain.shape[1] else np.zeros(1),
-        round_gap=first[plain.shape[1] :][: rounded.shape[1]] if rounded.shape[1] else np.zeros(1),
-        residual=load - columns @ first,
+        gap=first[:plain] if plain else np.zeros(1),
+        round_gap=first[plain : plain + rounded] if rounded else np.zeros(1),
+        residual=load - table[:, :-1] @ first,
     )
 
 
-def _gap_columns(place: FloatArray, side: FloatArray | None, *, whole: bool) -> tuple[FloatArray, FloatArray]:
-    """Columns of H, as many as the points of a branch allow: plain polynomials, and those with a half circle."""
-    if side is None:
-        return np.empty((place.size, 0)), np.empty((place.size, 0))
+def _gap_terms(place: FloatArray, side: FloatArray, *, whole: bool) -> tuple[int, int]:
+    """Terms of H that the points of a branch allow: of plain polynomials, and of those with a half circle."""
     fewest = min(levels(place[side > 0]), levels(place[side < 0]))
     plain = max(1, min(_GAP_ORDER + 1, fewest // 2))
-    rounded = min(_ROUND_GAP_ORDER + 1, fewest // 4) if whole else 0
-    circle = np.sqrt(1.0 - place**2)
-    return (
-        side[:, None] * chebyshev.chebvander(place, plain - 1),
-        (side * circle)[:, None] * chebyshev.chebvander(place, max(rounded - 1, 0))[:, :rounded],
-    )
+    return plain, min(_ROUND_GAP_ORDER + 1, fewest // 4) if whole else 0
 
 
 def _rows(table: FloatArray, place: FloatArray, side: FloatArray | None) -> tuple[FloatArray, BoolArray]:
@@ -230,8 +228,8 @@ def _rows(table: FloatArray, place: FloatArray, side: FloatArray | None) -> tupl
 
 def _ranked(
     rows: FloatArray, starts: BoolArray, plain: int, rounded: int, largest: float
-) -> list[tuple[float, FloatArray, list[int]]]:
-    """Weight, whitened rows and columns in use of the models that count, the best first.
+) -> list[tuple[float, FloatArray, FloatArray, list[int]]]:
+    """Weight, whitened rows, their triangle and columns in use of the models that count, the best first.
 
     The best has the least BIC. The weights are by the criterion of Hannan and Quinn, which keeps more terms: a term
     that the data do not require may still be there.
@@ -245,12 +243,12 @@ def _ranked(
     misfit = np.full((len(tables), len(gaps), orders.size), np.inf)
     free = np.array([[len(gap) + order + 1 for order in orders] for gap in gaps])
     triangles = np.asarray(np.linalg.qr(tables, mode="r")) if count > width else tables
-    for n, gap in enumerate(gaps):
-        used = [*gap, *range(plain + rounded, width), width]
-        reduced = np.asarray(np.linalg.qr(triangles[:, :, used], mode="r"))[:, :, -1]
-        left = np.cumsum(reduced[:, ::-1] ** 2, axis=1)[:, ::-1]
-        there = free[n] < min(count - 2, left.shape[1])
-        squares = np.maximum(left[:, free[n][there]], floor)
+    both = plain + rounded
+    lefts = _squares_left(triangles, range(plain), both, 0) + _squares_left(triangles, range(plain, both), both, 1)
+    lefts += _squares_left(triangles, range(both), both, both) if rounded else []
+    for n, left in enumerate(lefts):
+        there = free[n] < min(count - 2, len(gaps[n]) + left.shape[1])
+        squares = np.maximum(left[:, orders[there] + 1], floor)
         misfit[:, n, there] = count * np.log(squares) + logs[:, None]
     known = free + parameters[:, None, None]
     bic = (misfit + known * np.log(count)).min(axis=0)
@@ -262,8 +260,23 @@ def _ranked(
     ranked = []
     for n, k in [first, *(choice for choice in listed if choice != first)][:_MOST_FITS]:
         used = [*gaps[n], *range(plain + rounded, plain + rounded + int(orders[k]) + 1)]
-        ranked.append((float(weights[n, k]), tables[memory[n, k]], used))
+        ranked.append((float(weights[n, k]), tables[memory[n, k]], triangles[memory[n, k]], used))
     return ranked
+
+
+def _squares_left(triangles: FloatArray, gap: range, start: int, fewest: int) -> list[FloatArray]:
+    """Sums of squares left (G, k) by the first `fewest` to all of these columns of H, with the first k columns of P.
+
+    The columns of P begin at `start`. Each column of H that is omitted adds a row to the triangle of those of P.
+    """
+    columns, last, lefts = [*gap, *range(start, triangles.shape[2])], len(gap), []
+    table = np.asarray(np.linalg.qr(triangles[:, :, columns], mode="r"))
+    rest = table[:, last:, last:]
+    for count in range(last, fewest - 1, -1):
+        if count < last:
+            rest = np.asarray(np.linalg.qr(np.concatenate([table[:, [count], last:], rest], axis=1), mode="r"))
+        lefts.append(np.cumsum(rest[:, ::-1, -1] ** 2, axis=1)[:, ::-1])
+    return lefts[::-1]
 
 
 def _gap_choices(plain: int, rounded: int) -> list[list[int]]:
@@ -275,19 +288,23 @@ def _gap_choices(plain: int, rounded: int) -> list[list[int]]:
     return [*choices, list(range(plain + rounded))] if rounded else choices
 
 
-def _covariances(columns: FloatArray, residual: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
-    """Covariance of the coefficients from `first` on: for independent residuals, and for a correlation that fades."""
+def _covariances(
+    columns: FloatArray, residual: FloatArray, inverse: FloatArray, first: int
+) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the coefficients from `first` on: for independent residuals, and for a correlation that fades.
+
+    `inverse` is the pseudoinverse of the columns, or of their triangle. Sums of the scores over a moving window give
+    the covariances at each lag the weights of Bartlett.
+    """
     count, free = columns.shape
     dof = max(count - free, 1)
-    inverse = np.linalg.pinv(columns.T @ columns, rcond=1e-14, hermitian=True)
-    scores = columns * residual[:, None]
-    reach = int(1.5 * count ** (1 / 3)) if count >= _FEWEST_FOR_MEMORY else 0
-    middle = scores.T @ scores
-    for lag in range(1, reach + 1):
-        across = scores[lag:].T @ scores[:-lag]
-        middle += (1.0 - lag / (reach + 1)) * (across + across.T)
-    robust = inverse @ middle @ inverse * count / dof
-    return float(residual @ residual) / dof * inverse[first:, first:], robust[first:, first:]
+    reach = int(1.5 * count ** (1 / 3)) + 1 if count >= _FEWEST_FOR_MEMORY else 1
+    sums = np.zeros((count + 2 * reach - 1, free))
+    sums[reach : reach + count] = columns * residual[:, None]
+    np.cumsum(sums, axis=0, out=sums)
+    square = inverse @ inverse.T
+    windows = (sums[reach:] - sums[:-reach]) @ square[:, first:]
+    return float(residual @ residual) / dof * square[first:, first:], windows.T @ windows / reach * count / dof
 
 
 def off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
@@ -441,12 +458,12 @@ def surest(points: Pairs, whole: MeanCurve, place: float, load: float) -> Local:
     return best._replace(std=best.std * spread)
 
 
-def in_part(points: Pairs, middle: float, reach: float, load: float) -> Local | None:
+def in_part(points: Pairs, middle: float, reach: float, load: float, *, alone: bool = False) -> Local | None:
     """The tangent at a load [N] from the points of a part; None if it has too few, or does not rise to the load."""
     near = points.part(np.abs(points.deflection - middle) <= reach)
     if not _enough(near.deflection, near.side):
         return None
-    local = fit_mean_curve(*near, whole=False)
+    local = fit_mean_curve(*near, whole=False, alone=alone)
     try:
         place = deflection_at(local, load)
     except LoadCurveError:
@@ -465,11 +482,12 @@ def deflection_at(curve: MeanCurve, load: float) -> float:
     low, high = curve.span
     margin = _EDGE * (high - low)
     x = np.linspace(low - margin, high + margin, 801)
-    above = curve.value(x) - load
-    crossing = np.flatnonzero((above[:-1] <= 0) & (above[1:] > 0))
-    if not crossing.size:
-        raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
-    inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
-    return float(
-        scipy.optimize.brentq(lambda place: float(curve.value(place)) - load, x[inside], x[inside + 1], xtol=1e-15)
-    )
+    for _ in range(3):
+        above = curve.value(x) - load
+        crossing = np.flatnonzero((above[:-1] <= 0) & (above[1:] > 0))
+        if not crossing.size:
+            raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
+        inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
+        (a, b), (under, over) = x[inside : inside + 2], above[inside : inside + 2]
+        x = np.linspace(a, b, 201)
+    return float(a - under * (b - a) / (over - under))

@@ -133,8 +133,19 @@ class Reference(ByValue):
     @cached_property
     def curve(self) -> Callable[..., FloatArray]:
         """Phase [rad] as a function of time [s]; a second argument is the order of a derivative by time."""
-        spline: Callable[..., FloatArray] = scipy.interpolate.make_interp_spline(_smoothed(self.time), self.phase)
+        spline: Callable[..., FloatArray] = scipy.interpolate.make_interp_spline(self._smooth, self.phase)
         return spline
+
+    @cached_property
+    def _smooth(self) -> FloatArray:
+        """Times of the points without jitter [s]."""
+        return _smoothed(self.time)
+
+    @property
+    def departure(self) -> float:
+        """Largest departure of the speed between two points from its mean, relative [1]."""
+        speed = np.diff(self.phase) / np.diff(self._smooth)
+        return float(np.max(np.abs(speed / np.mean(speed) - 1.0)))
 
     def omega(self, first: float, last: float) -> float:
         """Mean speed between two times [s], in rad/s."""
@@ -147,9 +158,9 @@ def _smoothed(time: FloatArray) -> FloatArray:
 
     Second differences are penalised; cosine transforms of the times, mirrored at both ends, solve the equations.
     """
-    index = np.arange(float(time.size))
     # A cubic is subtracted first, because smoothing removes curvature at the ends, as of a rising speed.
-    trend = np.polynomial.Polynomial.fit(index, time, min(_TREND, time.size - 1))(index)
+    powers = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, time.size), min(_TREND, time.size - 1))
+    trend = powers @ np.linalg.lstsq(powers, time)[0]
     beyond = time - trend
     if time.size < _FEWEST_SMOOTHED or np.max(np.abs(beyond)) < 1e-9 * (time[-1] - time[0]):
         return time

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray, real_matrix
 from fourpole.core.phasor import Phasors
 from fourpole.core.twoport import cascade, mass, spring
 from fourpole.errors import RigError
@@ -287,9 +287,7 @@ def without_fixture(phasors: Phasors, compliance: FloatArray, input_mass: FloatA
     turn[:, 0] += (jw * input_mass)[:, None] * (turn[:, 1] - np.array([0.0, 1.0, 0.0]))
     known = np.where(np.isfinite(phasors.amplitudes), phasors.amplitudes, 0.0)
     amplitudes = np.where(np.isfinite(phasors.amplitudes), np.einsum("nij,nj->ni", turn, known), phasors.amplitudes)
-    real = np.empty((len(jw), 6, 6))
-    real[:, 0::2, 0::2] = real[:, 1::2, 1::2] = turn.real
-    real[:, 1::2, 0::2], real[:, 0::2, 1::2] = turn.imag, -turn.imag
+    real = real_matrix(turn)
     covariance = real @ np.nan_to_num(phasors.covariance) @ np.swapaxes(real, 1, 2)
     return replace(phasors, amplitudes=amplitudes, covariance=covariance)
 

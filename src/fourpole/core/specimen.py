@@ -388,9 +388,8 @@ class Inertia(ByRows):
     @classmethod
     def of(cls, bodies: Sequence[Body], stiffness: FloatArray) -> Inertia:
         """That of N specimens as stated, whose K' is about `stiffness` (N,) [N/m]."""
-        shapes = [
-            body.odds if body.is_block else body.springs(one) for body, one in zip(bodies, stiffness, strict=True)
-        ]
+        each = zip(bodies, stiffness, strict=True)
+        shapes = [body.odds if body.is_block else body.springs(one) for body, one in each]
         shape, std = np.array(shapes).reshape(-1, 2).T
         mass, mass_std = np.array([(body.mass, body.mass_std) for body in bodies]).reshape(-1, 2).T
         block = np.array([body.is_block for body in bodies], dtype=bool)

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from fourpole.core import stats
 from fourpole.core.allpoles import AllPoles
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import parts
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
 from fourpole.core.components import component
 from fourpole.core.sources import Kind
 from fourpole.core.specimen import TYRE, Form, Specimen, spread_of
@@ -120,7 +119,7 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
         return np.concatenate([off.ravel(), prior, of_errors])
 
     start = np.concatenate([first[:count], np.zeros(errors), parts(log_k).ravel()])
-    found = optimize.least_squares(left, start, x_scale="jac", xtol=1e-10, ftol=1e-10, max_nfev=_ROUNDS)
+    found = scipy.optimize.least_squares(left, start, x_scale="jac", xtol=1e-10, ftol=1e-10, max_nfev=_ROUNDS)
     specimen, _, stiffness = parted(found.x)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)
     return SpecimenFit(

@@ -11,8 +11,7 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import condition_words
 from fourpole.core import stats
 from fourpole.core.alone import Alone, deflection_amplitude
-from fourpole.core.arrays import ComplexArray, FloatArray, IntArray
-from fourpole.core.channelerrors import parts
+from fourpole.core.arrays import ComplexArray, FloatArray, IntArray, parts
 from fourpole.core.checks import Check, Code, Excitation, Verdict, judged, reported
 from fourpole.core.condition import SAME_FREQUENCY
 from fourpole.core.confidence import SEARCH_CHANCE

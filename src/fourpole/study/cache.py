@@ -38,7 +38,7 @@ from fourpole.io.kernel import filling
 from fourpole.io.packed import pack, unpack
 from fourpole.io.records import Records
 from fourpole.io.remote import is_elsewhere
-from fourpole.io.signature import LENGTH, is_signed, signature
+from fourpole.io.userfolders import SIGNATURE_LENGTH, is_signed, signature
 from fourpole.io.write import write_bytes
 from fourpole.study.points import Demodulated
 
@@ -56,7 +56,7 @@ _DELETED = 0.25
 #: Largest entry of the cache, and largest index [byte].
 _LARGEST = 200_000_000
 #: Where the body of a line of the index begins: ["signature", body].
-_BODY = 4 + 2 * LENGTH
+_BODY = 4 + 2 * SIGNATURE_LENGTH
 _LINE = re.compile(rb'\["[0-9a-f]{64}",.+\]')
 _CLASSES = (*CHECK_CLASSES, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
 

@@ -88,11 +88,11 @@ def test_the_uncertainty_holds_explanations_that_are_as_probable():
     given = [(joint.problem, joint.solution, joint.outlier, joint.misfit), (joint.problem, other, None, contradicts)]
     _, held, _, misfit = _held(given)
     more = [[1e-4, -2e-4], [-2e-4, 4e-4]]
-    assert held.own - joint.solution.own == pytest.approx(np.tile(more, (2, 1, 1)), rel=1e-9)
+    assert held.doubt - joint.solution.doubt == pytest.approx(np.tile(more, (2, 1, 1)), rel=1e-9)
     assert not misfit.fits
     assert misfit.tied == 3
     alone = _held(given[:1])[1]
-    assert np.array_equal(alone.own, joint.solution.own)
+    assert np.array_equal(alone.doubt, np.broadcast_to(joint.solution.doubt, alone.doubt.shape))
 
 
 @pytest.mark.sampled(4)

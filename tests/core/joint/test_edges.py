@@ -359,3 +359,19 @@ EDGES = {
 @pytest.mark.parametrize(("decided", "cases"), EDGES.values(), ids=EDGES)
 def test_a_number_decides_between_two_cases(decided, cases):
     assert {case: decided(case) for case in cases} == cases
+
+
+@pytest.mark.parametrize("root", [1e-9, 3e-4, 0.2, 0.999])
+def test_the_root_of_a_falling_function_is_found_to_round_off(root):
+    found = [
+        scatter.root_of(lambda x: 1.0 / (1e-8 + x**2) - 1.0 / (1e-8 + root**2)),
+        scatter.root_of(lambda x: root - x),
+        scatter.root_of(lambda x: root**3 - x**3),
+    ]
+    np.testing.assert_allclose(found, root, rtol=1e-6 if root < 1e-8 else 1e-10)
+
+
+def test_a_function_without_a_root_in_the_range_gives_its_end():
+    assert scatter.root_of(lambda x: np.nan) == 0.0
+    assert scatter.root_of(lambda x: -x) == 0.0
+    assert scatter.root_of(lambda x: 2.0 - x) == 1.0

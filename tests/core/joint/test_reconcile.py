@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from fourpole.core.joint import solve_joint
+from fourpole.core.joint.asking import SCATTER, Trial
 from fourpole.core.joint.outputs import identification, outputs
+from fourpole.core.joint.reconcile import _doubted
 from fourpole.core.rig import Rig
 from fourpole.virtual.phasor_rig import Conditions, Laboratory, simulate_phasors
 
@@ -117,6 +119,21 @@ def test_scatter_of_the_tyre_is_found_and_counted(make):
     own = np.sqrt(np.diagonal(joint.solution.own, axis1=1, axis2=2))
     assert own.min() > 0.99 * joint.misfit.scatter / np.sqrt(3)
     assert np.median(own) < 1.05 * joint.misfit.scatter / np.sqrt(3)
+
+
+def test_what_is_neither_shown_nor_excluded_widens_u_by_its_probability(make):
+    """Two groups that move K* by 1 % and by 0.02 rad: one gains as much as is asked of it, the other far less."""
+    made = make(GOOD, masses=(0.0, 0.0), frequencies=3, families=1, scatter=5e-3)
+    joint = made.identify()
+    solution = replace(joint.solution, doubt=0.0)
+    others = [replace(solution, stiffness=solution.stiffness * np.exp(off)) for off in (0.01, 0.02j)]
+    tried = [Trial(SCATTER, 1.0, gain, joint.problem, other) for gain, other in zip((5.0, -20.0), others, strict=True)]
+    doubted = _doubted(solution, tried)
+    assert doubted.doubt == pytest.approx(np.tile([[0.5e-4, 0.0], [0.0, 0.0]], (3, 1, 1)), abs=1e-13)
+    # K* of a test is known by itself where it scatters, and what all tests have in common widens it all the same
+    before, after = (outputs(replace(joint, solution=each), made.phasors, made.k1) for each in (solution, doubted))
+    assert after.own - before.own == pytest.approx(np.tile([[0.5e-4, 0.0], [0.0, 0.0]], (6, 1, 1)), abs=1e-13)
+    assert np.array_equal(_doubted(solution, []).doubt, np.zeros((3, 2, 2)))
 
 
 @pytest.mark.statistical

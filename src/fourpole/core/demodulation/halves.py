@@ -53,8 +53,7 @@ def _amplitudes(fit: SineFit, normal: FloatArray, right: FloatArray) -> ComplexA
     first, both, second = normal[:, 0, 0], normal[:, 0, 1], normal[:, 1, 1]
     trace, apart = first + second, np.hypot(first - second, 2 * both)
     short = (trace + apart) >= _WORST * (trace - apart)  # the condition number
-    inverse = (
-        np.stack([second, -both, -both, first], axis=1) / np.where(short, np.nan, first * second - both**2)[:, None]
-    )
+    determinant = np.where(short, np.nan, first * second - both**2)
+    inverse = np.stack([second, -both, -both, first], axis=1) / determinant[:, None]
     found = inverse.reshape(-1, 2, 2) @ right + fit.coefficients[:2]
     return np.asarray((found[:, 0] + 1j * found[:, 1]).T)

@@ -88,7 +88,7 @@ def _between_rests(track: Track, frequency: float, span: tuple[float, float]) ->
     if edges.size < _FEWEST_STRETCHES or not track.present.all():
         return None
     spread = np.array([np.ptp(motion[low:high]) for low, high in pairwise(edges)])
-    first, last = _longest(spread > _REST * float(np.median(spread[spread > 0.5 * spread.max()])))
+    first, last = longest(spread > _REST * float(np.median(spread[spread > 0.5 * spread.max()])))
     begin = span[0] if first == 0 else span[0] + edges[first] / track.rate + _START / frequency
     end = span[1] if last == spread.size else span[0] + edges[last] / track.rate
     moving = (end - begin) * frequency >= _FEWEST_MOVING
@@ -104,7 +104,7 @@ def _running(stretches: Envelope, speed: FloatArray) -> tuple[int, int] | None:
     level = float(median(size[size > 0.5 * size.max()]))
     up = np.abs(size / level - 1) < _LEVEL
     up &= np.abs(speed - median(speed[up])) < _SPEED if up.any() else False
-    first, last = _longest(up)
+    first, last = longest(up)
     return None if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()) else (first, last)
 
 
@@ -136,7 +136,7 @@ def _bridged(stretches: Envelope) -> Envelope | None:
     return replace(stretches, amplitudes=amplitudes)
 
 
-def _longest(flags: BoolArray) -> tuple[int, int]:
+def longest(flags: BoolArray) -> tuple[int, int]:
     """First index of the longest run of true flags, and the index after its end; 0, 0 without a true flag."""
     return max(runs_of(flags), key=lambda run: run[1] - run[0], default=(0, 0))
 

@@ -282,7 +282,8 @@ class _Table:
         track, terms = self._track, self._terms
         sines, unsteady = 2 * terms.sines.size, terms.unsteady
         rows = np.empty((self.size, track.time.size))
-        rotation, power = self._carrier(), np.ones(track.time.size, dtype=complex)
+        rotation = np.exp(1j * (terms.omega * track.time + self._course.turn))
+        power = np.ones(track.time.size, dtype=complex)
         for k in range(terms.harmonics):
             power = power * rotation
             rows[2 * k], rows[2 * k + 1] = power.real, -power.imag
@@ -328,6 +329,3 @@ class _Table:
         steady = self._terms.omega * np.arange(1, harmonics + 1)[:, None] * time + self._course.turn
         sums = np.fft.fft(residual[:, None] * np.exp(-1j * steady), axis=-1)[..., steps]
         return np.asarray(sums * np.exp(-1j * offset * steps * time[0]))
-
-    def _carrier(self) -> ComplexArray:
-        return np.asarray(np.exp(1j * (self._terms.omega * self._track.time + self._course.turn)))

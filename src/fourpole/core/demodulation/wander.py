@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray, real_matrix
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate
 from fourpole.core.demodulation.envelope import ENVELOPE, envelope
 from fourpole.core.demodulation.sinefit import fit_sines
@@ -99,7 +99,7 @@ def _along_v1(recording: Recording, steady: Demodulation, share: float) -> tuple
     tries = []
     for lines in dict.fromkeys((False, steady.lines.size > 0)):
         reference = _own_reference(recording, steady, lines=lines)
-        if reference is None or (departure := _departure(reference)) < STEADY:
+        if reference is None or (departure := reference.departure) < STEADY:
             continue
         with suppress(RecordingError):
             followed = demodulate(replace(recording, reference=reference))
@@ -133,13 +133,6 @@ def _of_all_harmonics(recording: Recording, steady: Demodulation) -> float:
     rest = max(float(steady.distortion[place] ** 2 - np.sum(displacement[1:] ** 2)), 0.0)
     turned = float(np.sum((displacement * np.arange(1.0, kept.size + 1) ** power) ** 2))
     return turned + _MULTIPLES ** (2 * power) * rest + (_MULTIPLES * float(steady.noise_ratio[place])) ** 2
-
-
-def _departure(reference: Reference) -> float:
-    """Largest departure of the speed from its mean, relative [1]."""
-    low, high = reference.span
-    speed = reference.curve(np.linspace(low, high, 200), 1)
-    return float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
 
 
 def _is_better(followed: Demodulation, steady: Demodulation, share: float) -> bool:
@@ -193,8 +186,8 @@ def _own_reference(recording: Recording, steady: Demodulation, *, lines: bool) -
 def _turned(amplitude: ComplexArray) -> bool:
     """Whether the phase varies more than the relative amplitude: an interfering line varies both equally."""
     phase = np.unwrap(np.angle(amplitude))
-    index = np.arange(float(phase.size))
-    turning = phase - np.polynomial.Polynomial.fit(index, phase, 1)(index)
+    index = np.arange(phase.size) - 0.5 * (phase.size - 1)
+    turning = phase - np.mean(phase) - index * (index @ phase / (index @ index))
     size = np.abs(amplitude)
     return bool(np.std(size / np.mean(size)) < _AMPLITUDE_OVER_PHASE * np.std(turning))
 
@@ -215,9 +208,7 @@ def _change(steady: Phasors, followed: Phasors, over: int, under: int) -> tuple[
 
 def _relative_std(phasors: Phasors, over: int, under: int) -> float:
     """Relative standard uncertainty of a ratio's modulus from the noise [1]."""
-    row = np.zeros((2, 6))
-    for index, sign in ((over, 1.0), (under, -1.0)):
-        turned = sign / phasors.amplitudes[index]
-        row[:, 2 * index] = turned.real, turned.imag
-        row[:, 2 * index + 1] = -turned.imag, turned.real
-    return float(np.sqrt(np.trace(row @ phasors.covariance @ row.T) / 2))
+    by = np.zeros((1, 3), dtype=complex)
+    by[0, over], by[0, under] = 1.0 / phasors.amplitudes[over], -1.0 / phasors.amplitudes[under]
+    turn = real_matrix(by)
+    return float(np.sqrt(np.trace(turn @ phasors.covariance @ turn.T) / 2))

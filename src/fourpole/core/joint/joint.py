@@ -325,12 +325,10 @@ def _held(explanations: Sequence[_Explained]) -> _Explained:
     unstated mass is no such cause, for a belt is nearly the same.
     """
     problem, solution, outlier, misfit = explanations[0]
-    off = np.log(np.array([other.stiffness for _, other, *_ in explanations]) / solution.stiffness)
-    parts = np.stack([off.real, off.imag], axis=-1)
-    own = solution.own + np.einsum("eci,ecj->cij", parts, parts)
+    solution = solution.doubted([other for _, other, *_ in explanations], np.ones(len(explanations)))
     contradicted = next((other for one, *_, other in explanations if not (other.fits or one.shared.has_belts)), misfit)
     misfit = replace(misfit, fits=contradicted.fits, candidates=contradicted.candidates, tied=contradicted.tied)
-    return problem, replace(solution, own=own), outlier, misfit
+    return problem, solution, outlier, misfit
 
 
 def _massless(problem: Problem, start: ComplexArray, *, hasty: bool) -> _Explained:

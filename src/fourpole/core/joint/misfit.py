@@ -407,7 +407,7 @@ class _Lines:
         values, vectors = np.linalg.eigh(solution.covariance)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         by = -np.array([1.0, 1.0j]) @ (solution.slope[place] @ root)
-        own = np.trace(solution.own, axis1=1, axis2=2)[place] / 2
+        own = np.trace(solution.own + solution.doubt, axis1=1, axis2=2)[place] / 2
         u = np.sqrt(own[:, 1] + np.sum(np.abs(by[:, 1]) ** 2, axis=1) / 2 + NEGLIGIBLE**2)
         return cls(np.log(solution.stiffness)[place], weight, by, np.sum(weight**2 * own, axis=1), u, root)
 

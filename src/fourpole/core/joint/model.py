@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from fourpole.core.alone import deflection_amplitude
-from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, inverse_of_two
-from fourpole.core.channelerrors import ChannelError, parts
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray, inverse_of_two, parts
+from fourpole.core.channelerrors import ChannelError
 from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Kind, Role

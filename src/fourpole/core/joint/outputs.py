@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import ChannelUncertainty, parts
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty
 from fourpole.core.curvature import Curvature
 from fourpole.core.identify import Identification
@@ -127,6 +127,7 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     by_k1 = np.zeros((omega.size, 7))
     by_k1[:, 3:5], by_k1[:, 6] = by_arm[:, :, 2], bending[:, 2]
     condition = _per_test(joint, solution.own, np.nan)
+    doubt = _per_test(joint, solution.doubt + np.zeros_like(solution.own), np.nan)
     observed = problem.observed
     relative = np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
     shifted = own.by_frequency * relative[back][:, None]  # log K* of each test, by its own part alone
@@ -138,8 +139,8 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         by_shared=by_shared,
         by_k1=by_k1,
         curvature=curvature,
-        own=own.covariance + _both_sides(own.keep, condition),
-        condition=condition,
+        own=own.covariance + _both_sides(own.keep, condition) + doubt,
+        condition=condition + doubt,
         frequency=shifted[:, :, None] * shifted[:, None, :] + _both_sides(own.keep, of_condition),
         covariance=solution.covariance,
         tr_of_rig=tr * np.abs(tr_by_zr) * np.hypot(joint.misfit.rig_error * largest, joint.support)[back],

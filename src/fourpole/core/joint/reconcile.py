@@ -125,12 +125,14 @@ def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
 def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
     """Raise what the tests ask for, and then judge what is left; `scattered` is the solution with scatter of K*."""
     misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, STRANGE, UNSTEADY, NOISE], []
+    doubt: FloatArray | float = 0.0
     before: Misfit | None = None
     for _ in range(_MOST_ROUNDS):
         tried = trials(state.problem, state.solution, groups, state.outlier, scattered)
         tried += [trial for trial in _of_noise(state) if any(trial.group is group for group in groups)]
         together = tie(sorted(tried, key=lambda trial: -trial.gain))
         if not together:
+            doubt = _doubted(state.solution, tried).doubt
             break
         if not all(trial.group.of_specimen for trial in together):
             before = before or _chi2(state)
@@ -146,7 +148,14 @@ def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
     misfit = _settled(state, misfit)
     misfit = replace(misfit, **_raised(state, stated))
     before = before or _chi2(state)
+    state.solution = replace(state.solution, doubt=doubt)
     return _judged(state, replace(misfit, chi2=before.chi2, dof=before.dof), causes)
+
+
+def _doubted(solution: Solution, tried: Sequence[Trial]) -> Solution:
+    """The solution with the doubt by what the tests neither ask for nor exclude, by the odds of its evidence."""
+    odds = np.exp([trial.gain - GAIN for trial in tried])
+    return solution.doubted([trial.solution for trial in tried], odds / (1 + odds.sum()))
 
 
 def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:

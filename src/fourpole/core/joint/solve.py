@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -203,6 +203,8 @@ class Solution(ByValue):
         Why the search did not converge; empty if it did.
     evidence : float
         Logarithm of the evidence, up to a constant.
+    doubt : (c, 2, 2) float array
+        Covariance of Re, Im of log K* by other explanations of the tests, besides `own` and that by the slope.
     """
 
     z: FloatArray
@@ -215,6 +217,14 @@ class Solution(ByValue):
     converged: bool
     reason: str = ""
     evidence: float = 0.0
+    doubt: FloatArray | float = 0.0
+
+    def doubted(self, others: Sequence[Solution], weights: FloatArray) -> Solution:
+        """The solution whose uncertainty of K* holds that of others, each with its weight (e,)."""
+        stiffness = np.reshape([other.stiffness for other in others], (len(others), self.stiffness.size))
+        off = np.log(stiffness / self.stiffness)
+        parts = np.stack([off.real, off.imag], axis=-1)
+        return replace(self, doubt=self.doubt + np.einsum("e,eci,ecj->cij", weights, parts, parts))
 
 
 @dataclass(frozen=True, eq=False)

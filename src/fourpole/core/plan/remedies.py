@@ -176,15 +176,10 @@ def _quieter(factor: float, cycles: float, plan: Plan) -> Plan:
 
 def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
     """Calibrations of single channels, and of all channels that are worse than the calibration."""
-    recorded = [
-        channel for channel in range(3) if plan.tests.present[channel] and not (plan.rig.blocked and channel == 2)
-    ]
+    present, known = plan.tests.present, plan.channels
+    recorded = [channel for channel in range(3) if present[channel] and not (plan.rig.blocked and channel == 2)]
     for (gain, phase), minutes in zip(_SENSORS, effort.sensor, strict=True):
-        worse = [
-            channel
-            for channel in recorded
-            if plan.channels.gain[channel] > gain or plan.channels.phase[channel] > phase
-        ]
+        worse = [channel for channel in recorded if known.gain[channel] > gain or known.phase[channel] > phase]
         for which in [*([channel] for channel in worse), *([worse] if len(worse) > 1 else [])]:
             names = " and ".join(SYMBOLS[CHANNELS[channel]] for channel in which) if len(which) < 3 else "F1, V1 and V2"
             text = f"{names} calibrated to {100 * gain:g} % and {np.degrees(phase):g}°"

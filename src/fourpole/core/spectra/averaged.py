@@ -20,7 +20,6 @@ from fourpole.core.spectra.average import (
     of_sine,
     ratios,
     with_bend,
-    with_bias,
     with_instrument,
 )
 from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, to_true
@@ -87,12 +86,14 @@ def _amplitudes(
     recording: Recording, track: Track, every: CrossSpectra, spectra: CrossSpectra, segment: float
 ) -> Excited:
     """The amplitudes from the spectra of all bins and those of independent lines."""
-    closure = np.full((spectra.frequency.size, 2), np.nan)
+    closure: FloatArray | None = None
+    shared: FloatArray | None = None
     whole, driven = is_whole(track.names), DRIVE in track.names
     if whole:
         around = ratios(spectra.matrix, spectra.averages, CLOSURE)
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
+        shared = correlations_of(spectra.matrix, closure)
     power = every.matrix[:, _ONE, _ONE].real.copy()
     if "motion_out" in track.names:
         far = track.names.index("motion_out")
@@ -104,17 +105,16 @@ def _amplitudes(
         terms, instruments = with_instrument(place)[: 1 + whole], [place] * (1 + whole)
     estimate = ratios(spectra.matrix, spectra.averages, terms)
     estimate = with_bend(estimate, spectra.matrix[:, _ONE, instruments], spectra.broad)
-    if not whole and not driven:
-        estimate = with_bias(estimate, spectra.coherence(_F, _ONE), 1.0)
     return excited(
         recording,
         track.names,
         spectra,
         estimate,
         closure=closure,
+        bias=1.0,
         deflection=deflection_in(every.frequency, power, float(every.width[0])),
         length=segment,
-        shared=correlations_of(spectra.matrix, closure) if whole else None,
+        shared=shared,
     )
 
 

@@ -55,14 +55,8 @@ def check_closure(lines: Excited) -> Iterator[Check]:
     if np.isfinite(lines.misfit) and not lines.driven:
         count = int(np.isfinite(lines.closure[:, 0]).sum())
         limit = float(stats.chi2.isf(SEARCH_CHANCE, count)) / count
-        yield judged(
-            Code.CLOSURE,
-            lines.misfit,
-            max(limit, _MUCH),
-            times=np.sqrt(lines.misfit),
-            length=lines.length,
-            **_form(lines),
-        )
+        said = {"times": np.sqrt(lines.misfit), "length": lines.length, **_form(lines)}
+        yield judged(Code.CLOSURE, lines.misfit, max(limit, _MUCH), **said)
 
 
 def check_shared_noise(lines: Excited) -> list[Check]:
@@ -77,6 +71,5 @@ def check_shared_noise(lines: Excited) -> list[Check]:
     worst = int(np.argmax(lines.shared[:, 2]))
     size, std, statistic, error = lines.shared[worst].tolist()
     found = error if statistic > limit else 0.0
-    return [
-        judged(Code.SHARED, found, _SMALL, pair=_NAMES[worst], size=size, std=std, percent=100 * error, **_form(lines))
-    ]
+    said = {"pair": _NAMES[worst], "size": size, "std": std, "percent": 100 * error, **_form(lines)}
+    return [judged(Code.SHARED, found, _SMALL, **said)]

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
-from fourpole.core.channelerrors import parts
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, real_matrix
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, DRIVE, Channel, Recording
-from fourpole.core.spectra.average import CrossSpectra, Ratios
+from fourpole.core.spectra.average import CrossSpectra, Ratios, with_bias
 from fourpole.errors import ConstantError, RecordingError
 
 #: Channels of the spectra in their order, and the pairs whose coherence is shown.
@@ -110,7 +109,7 @@ class Excited(ByValue):
         if not (np.isfinite(self.period) and share > 0):
             return replace(self, nonlinear=share)
         along = np.nan_to_num(self.phasors.amplitudes * np.array([1.0, 0.0, 1.0]))
-        turn = parts(np.stack([along, 1j * along], axis=-1), axis=2).reshape(-1, 6, 2)
+        turn = real_matrix(along[:, :, None])
         covariance = self.phasors.covariance + 0.5 * share**2 * turn @ turn.swapaxes(1, 2)
         return replace(
             self,
@@ -183,17 +182,22 @@ def excited(
     spectra: CrossSpectra,
     estimate: Ratios,
     *,
-    closure: FloatArray,
+    closure: FloatArray | None,
+    bias: float,
     deflection: float,
     length: float,
     shared: FloatArray | None = None,
 ) -> Excited:
     """Amplitudes from the ratios F1/V1 and, with V2, V2/V1, and what the spectra of force and velocities show beside.
 
-    Closure phase, deflection, length and correlations of the noises (if they are known) are those of `Excited`.
+    Closure phase, deflection, length and correlations of the noises (if they are known) are those of `Excited`; `bias`
+    is the share of `with_bias` for a ratio without an instrument.
     """
-    shape = spectra.frequency.shape
-    pulls, driven = pulls_of(closure), DRIVE in names
+    shape, driven = spectra.frequency.shape, DRIVE in names
+    if not is_whole(names) and not driven:
+        estimate = with_bias(estimate, spectra.coherence(0, 1), bias)
+    closure = np.full((*shape, 2), np.nan) if closure is None else closure
+    pulls = pulls_of(closure)
     misfit = float(np.median(pulls**2) / _MEDIAN)
     larger = np.ones(shape) if driven else np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
     covariance = estimate.covariance * larger[:, None, None]
@@ -269,16 +273,11 @@ def _covariance(amplitudes: ComplexArray, of_ratios: FloatArray, places: Sequenc
     depends on it.
     """
     size = amplitudes.shape[0]
-    turn = np.zeros((size, 6, of_ratios.shape[1] + 2))
-    ratios = {place: 2 * index for index, place in enumerate(places)}
-    for place in range(3):
-        re, im = amplitudes[:, place].real, amplitudes[:, place].imag
-        factor = np.stack([np.stack([re, -im], -1), np.stack([im, re], -1)], axis=-2)  # acts on Re and Im
-        turn[:, 2 * place : 2 * place + 2, -2:] = factor
-        if place in ratios:
-            turn[:, 2 * place : 2 * place + 2, ratios[place] : ratios[place] + 2] = factor
+    by_log = np.zeros((size, 3, len(places) + 1), dtype=complex)
+    by_log[:, places, range(len(places))] = amplitudes[:, places]
+    by_log[:, :, -1] = amplitudes
+    turn = np.nan_to_num(real_matrix(by_log))
     inner = np.zeros((size, turn.shape[2], turn.shape[2]))
     inner[:, :-2, :-2] = of_ratios
     inner[:, [-2, -1], [-2, -1]] = np.einsum("lii->l", of_ratios)[:, None]
-    turn = np.nan_to_num(turn)
     return np.asarray(turn @ inner @ turn.transpose(0, 2, 1))

@@ -8,6 +8,7 @@ import scipy
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.demodulation.steady import longest
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
@@ -160,8 +161,7 @@ def _part(track: Track, most: float, period: float) -> FloatArray:
     What repeats is no further evidence: of a motion with a period [s] it is one, the mean of all of them if it has a
     whole number of samples.
     """
-    ends = np.flatnonzero(np.diff(track.present.astype(int), prepend=0, append=0)).reshape(-1, 2)
-    first, last = ends[np.argmax(ends[:, 1] - ends[:, 0])].tolist()
+    first, last = longest(track.present)
     signals, size = track.signals[:2, first:last], period * track.rate
     if np.isfinite(size) and abs(size - round(size)) < _WHOLE:
         times = max(1, signals.shape[1] // round(size))

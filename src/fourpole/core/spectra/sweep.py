@@ -14,7 +14,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.phasor import circular_covariance
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.spectra.average import CrossSpectra, Ratios, with_bias
+from fourpole.core.spectra.average import CrossSpectra, Ratios
 from fourpole.core.spectra.averaged import periodic_amplitudes
 from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, prepared, to_true
 from fourpole.core.spectra.motion import period_of
@@ -112,15 +112,13 @@ def whole_amplitudes(recording: Recording, track: Track, band: tuple[float, floa
     products, estimate, noise = _local_ratios(lines, frequency[kept], wanted)
     density = 2.0 / (track.rate * track.time.size)
     spectra = replace(products, matrix=density * products.matrix)
-    closure = np.full((spectra.frequency.size, 2), np.nan)
-    if whole:
-        closure = _closure(estimate.values, noise, spectra.averages)
-    if not whole and not driven:
-        estimate = with_bias(estimate, spectra.coherence(0, 1), 2.0)
+    closure = _closure(estimate.values, noise, spectra.averages) if whole else None
     far = lines[track.names.index("motion_out")] if "motion_out" in track.names else 0.0
     power = np.abs(lines[1] - far) ** 2
     deflection = deflection_in(frequency[kept], density * power, 1.0 / length)
-    return excited(recording, track.names, spectra, estimate, closure=closure, deflection=deflection, length=length)
+    return excited(
+        recording, track.names, spectra, estimate, closure=closure, bias=2.0, deflection=deflection, length=length
+    )
 
 
 def fits_whole(track: Track, band: tuple[float, float]) -> bool:
