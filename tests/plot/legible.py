@@ -49,6 +49,7 @@ def _inside(text: Text, renderer: RendererBase) -> bool:
 def _ticks(ax: Axes) -> list[Text]:
     found = []
     for axis, limits in ((ax.xaxis, sorted(ax.get_xlim())), (ax.yaxis, sorted(ax.get_ylim()))):
+        axis.get_ticklabels()  # all ticks have their texts and places then
         found += [tick.label1 for tick in axis.get_major_ticks()
                   if tick.label1.get_visible() and limits[0] <= tick.get_loc() <= limits[1]]  # fmt: skip
     return found

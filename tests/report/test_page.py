@@ -541,7 +541,7 @@ def test_a_figure_is_an_image_of_its_own_and_loses_nothing_that_is_seen():
     assert figure.size == (504, 216)
     root = ET.fromstring(base64.b64decode(figure.address.partition(",")[2]))
     path, text = root
-    assert path.attrib == {"d": "M 1.23 2 L 1e-05 3.99", "id": "p"}
+    assert path.attrib == {"d": "M 1.23456 2 L 1e-05 3.999", "id": "p"}
     assert text.text == "a  b"
 
 

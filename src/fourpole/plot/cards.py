@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 from fourpole.core.checks import Verdict
 from fourpole.fitting.rows import KEY, keyed
-from fourpole.plot.data import Role, Series, Tone
+from fourpole.plot.data import Role, Series, Tone, kept
 from fourpole.plot.part import part_of, parted_rows
 from fourpole.plot.sheet import floats, means, texts
 from fourpole.study.study import Study
@@ -22,7 +22,7 @@ from fourpole.study.study import Study
 MANY = 12
 #: Number of lines that all tests with lines show together; each of them shows at least `MANY`.
 _TOGETHER = 300
-_STRIDED, _CARDS = "strided", "cards"
+_CARDS = "cards"
 
 
 def dynamic_cards(results: Study) -> list[str]:
@@ -36,9 +36,10 @@ def dynamic_cards(results: Study) -> list[str]:
     >>> dynamic_cards(Study(dynamic=pl.DataFrame({"test": ["D1", "D2"]})))
     ['dynamic-1', 'dynamic-2']
     """
-    if _CARDS in results.derived:
-        cards: list[str] = results.derived[_CARDS]
-        return cards
+    return kept(results, _CARDS, lambda: _dynamic_cards(results))
+
+
+def _dynamic_cards(results: Study) -> list[str]:
     part = part_of(results)
     whole = results if part is None else part.whole
     tests = texts(whole.dynamic, "test")
@@ -59,7 +60,7 @@ def static_cards(results: Study) -> dict[str, str]:
 
 def linked(results: Study, series: Series, rows: Sequence[int] | IntArray) -> Series:
     """The series with the name and the card of the test of each of its points, by their rows of dynamic.csv."""
-    cards, names = dynamic_cards(results), texts(results.dynamic, q.TEST.head)
+    cards, names = dynamic_cards(results), kept(results, "tests", lambda: texts(results.dynamic, q.TEST.head))
     return replace(series, tests=tuple(names[row] for row in rows), cards=tuple(cards[row] for row in rows))
 
 
@@ -68,10 +69,7 @@ def strided(results: Study) -> Study:
 
     Lines that are rejected are left out where the test has others. The ids of the cards are those of the whole results.
     """
-    if _STRIDED not in results.derived:
-        results.derived[_STRIDED] = _strided(results)
-    found: Study = results.derived[_STRIDED]
-    return found
+    return kept(results, "strided", lambda: _strided(results))
 
 
 def _strided(results: Study) -> Study:

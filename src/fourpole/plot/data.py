@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fourpole.plot.style import Style
+
+_T = TypeVar("_T")
 
 
 def plain_text(text: str, longest: int = 24) -> str:
@@ -66,6 +68,14 @@ def distinct(names: Iterable[str], mark: str, *, taken: Collection[str] = (), fo
             free = f"{name}{mark}{number}"
         used.add(free.lower() if fold else free)
         yield free
+
+
+def kept(results: Study, key: object, make: Callable[[], _T]) -> _T:
+    """What is made of some results once, by a key of its own."""
+    if key not in results.derived:
+        results.derived[key] = make()
+    found: _T = results.derived[key]
+    return found
 
 
 def counted(number: int, noun: str) -> str:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +31,6 @@ from fourpole.plot.panels import (
     few_ticks,
     numbered,
     power_or_plain,
-    rows_of_names,
     span,
     steep_limits,
     tyre_heading,
@@ -43,6 +43,8 @@ _MOST_LINKS = 1500
 _LEAST_WIDTH, _NAME_HEIGHT, _LEAST_HEIGHT = 1.3, 0.135, 0.5
 #: Distance of panels that share their ordinate [in].
 _GAP = 0.16
+#: Distance of a name from its row [pt], and room above and below all rows [rows].
+_NAME_PAD, _NAME_MARGIN = 3.5, 0.6
 #: Least height of a panel with labels above its curves [in], and room for them as a share of its ordinate.
 _LEAST_HIGH, _HEADROOM = 1.3, 0.08
 #: Length of a letter of a label [pt].
@@ -194,13 +196,16 @@ def _head(ax: Axes, panel: Panel, style: Style, letters: int) -> None:
 
 
 def _name_rows(ax: Axes, panel: Panel, style: Style) -> None:
-    """Make the ordinate the names of the panel, and write the texts beside them on the right."""
-    rows_of_names(ax, panel.names)
-    for at, tick in enumerate(ax.get_yticklabels()):
-        if at in panel.heads:
-            tick.set(color=style.look.muted, fontstyle="italic")
+    """Make the ordinate the names of the panel from the top down, and write the texts beside them on the right."""
+    beyond = ax.get_yaxis_transform()
+    own = ax.yaxis.get_tick_params().get("labelleft", True)  # not where the names of the first panel stand for all
+    for at, name in enumerate(panel.names if own else ()):
+        head: dict[str, Any] = {"color": style.look.muted, "fontstyle": "italic"} if at in panel.heads else {}
+        ax.annotate(name, (0.0, at), (-_NAME_PAD, 0.0), beyond, "offset points", ha="right", va="center_baseline",
+                    fontsize=style.font(7.5), annotation_clip=False, **head)  # fmt: skip
     for at, text in enumerate(panel.beside):
-        ax.text(1.015, at, text, transform=ax.get_yaxis_transform(), va="center", fontsize=style.font(7.0))
+        ax.text(1.015, at, text, transform=beyond, va="center", fontsize=style.font(7.0))
+    ax.set(yticks=[], ylim=(len(panel.names) - 1 + _NAME_MARGIN, -_NAME_MARGIN))
 
 
 def _same_abscissa(axes: Sequence[Axes], data: FigureData) -> bool:

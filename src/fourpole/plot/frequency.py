@@ -27,6 +27,7 @@ from fourpole.plot.data import (
     Scale,
     Series,
     counted,
+    kept,
     lacking,
     look,
     shade,
@@ -81,7 +82,15 @@ def _stiffness(results: Study, state: State) -> tuple[FloatArray, ComplexArray]:
 
 
 def massless_reading(results: Study, state: State, quantity: q.Quantity, like: Series) -> list[Series]:
-    r"""What a reading that knows no mass would say of K* of a specimen that has one: :math:`F_1/(x_1 - x_2)`.
+    """What a reading that knows no mass would say of K* of a specimen that has one."""
+    key = ("massless", int(np.flatnonzero(state.rows)[0]))
+    frequency, read = kept(results, key, lambda: _read_as_massless(results, state))
+    values = part_of(quantity, read)[0] / results.shown.of(quantity).scale
+    return [replace(like, role=Role.LINE, x=frequency, y=values, dash=_DASH, label="")] if frequency.size else []
+
+
+def _read_as_massless(results: Study, state: State) -> tuple[FloatArray, ComplexArray]:
+    r"""Frequencies [Hz] and :math:`F_1/(x_1 - x_2)`; none of a specimen without a mass.
 
     On a rig of impedance :math:`Z_r` without an added mass, :math:`x_2/x_1 = -D_{21}/(D_{22} + j\omega Z_r)`. Where the
     far side is held, it is 0, and the reading is the stiffness at the driving point.
@@ -90,7 +99,7 @@ def massless_reading(results: Study, state: State, quantity: q.Quantity, like: S
     rig = rigs_stated(results, sheet).get(sheet.rigs[int(np.flatnonzero(state.rows)[0])])
     frequency, stiffness = _stiffness(results, state)
     if body is None or rig is None or frequency.size < 2:
-        return []
+        return np.zeros(0), np.zeros(0, dtype=complex)
     specimen, curve = body.specimen(stiffness[stiffness.size // 2]), model_curve(results, state)
     if curve is not None:
         frequency, stiffness = curve.frequency, curve.stiffness
@@ -99,8 +108,7 @@ def massless_reading(results: Study, state: State, quantity: q.Quantity, like: S
     ratio = 0.0 if rig.blocked else -d[:, 1, 0] / (d[:, 1, 1] + 1j * omega * rig.impedance(omega))
     read = (d[:, 0, 0] + d[:, 0, 1] * ratio) / (1 - ratio)
     read[np.abs(read / stiffness - 1) > _FAR] = np.nan
-    values = part_of(quantity, read)[0] / results.shown.of(quantity).scale
-    return [replace(like, role=Role.LINE, x=frequency, y=values, dash=_DASH, label="")]
+    return frequency, read
 
 
 def modes(results: Study) -> FigureData | None:

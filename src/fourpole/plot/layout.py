@@ -20,19 +20,21 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from fourpole.errors import CampaignError
+from fourpole.plot.axis import PanelAxes
 from fourpole.plot.data import Scale, plain_text
 from fourpole.plot.style import Marker, Style, drawing
 
 _T = TypeVar("_T")
 #: File formats of a figure.
 FORMATS = ("svg", "png", "pdf")
-_DIGITS = re.compile(rb"(\d\.\d\d)\d+")
+_DIGITS = re.compile(rb"(?<=\d\.\d\d)\d+")
 #: A line with text, or as many lines without as follow each other.
 _OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
 _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
 #: Sign between the id of a card and the name of a test; it occurs in no name that figures show.
 _MARK = "\u2063"
-_LINK = re.compile(rf"""<a xlink:href=(["'])(#[-a-z0-9]+){_MARK}(.*?)\1[^>]*>""".encode())
+_LINK = re.compile(rf"""<a xlink:href=(["'])#([-a-z0-9]+{_MARK}.*?)\1[^>]*>(.*?)</a>""".encode(), re.S)
+_POINT = re.compile(rb"<use[^<>]*>")
 
 
 #: Titles of the figures that commands draw, by their keys; those of results are in the catalogue.
@@ -82,23 +84,39 @@ def _lean(svg: bytes) -> bytes:
 
 def _lean_part(part: re.Match[bytes]) -> bytes:
     """A line with text as it is, other lines with short numbers and without ids of groups."""
-    return part[0] if part[1] else _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", part[0]))
+    return part[0] if part[1] else _GROUP_NAME.sub(b"<g", _DIGITS.sub(b"", part[0]))
 
 
-def link(card: str, test: str) -> str:
-    """The address of a point; `with_titles` makes a link and a tooltip of it.
+def links(cards: Sequence[str], tests: Sequence[str]) -> str:
+    r"""The address of a line, from which `with_titles` makes a link and a tooltip of each of its points.
 
     Examples
     --------
-    >>> with_titles(f'<a xlink:href="{link("dynamic-3", "D3")}">'.encode())
-    b'<a xlink:href="#dynamic-3"><title>D3</title>'
+    >>> with_titles(f'<a xlink:href="{links(["dynamic-3"], ["D3"])}"><use/></a>'.encode())
+    b'<a xlink:href="#dynamic-3"><title>D3</title>\n<use/></a>'
     """
-    return f"#{card}{_MARK}{plain_text(test, 60).replace(_MARK, '')}"
+    parts = zip(cards, (plain_text(test, 60).replace(_MARK, "") for test in tests), strict=True)
+    return "#" + _MARK.join(part for pair in parts for part in pair)
 
 
 def with_titles(svg: bytes) -> bytes:
-    """The SVG with the name of the test as the title of each link."""
-    return _LINK.sub(rb'<a xlink:href="\2"><title>\3</title>', svg)
+    """The SVG with a link of each point, which has the name of the test as its title.
+
+    A line whose points are not as many as its links, as when its axes have been changed, has none.
+    """
+    return _LINK.sub(_parted, svg)
+
+
+def _parted(found: re.Match[bytes]) -> bytes:
+    """The points of a line, each in its own link."""
+    parts = found[2].split(_MARK.encode())
+    cards, tests, drawn = parts[::2], parts[1::2], found[3]
+    points = [drawn] if len(cards) == 1 else _POINT.findall(drawn)
+    if len(points) != len(cards):
+        return drawn
+    return b"\n".join(
+        b'<a xlink:href="#%b"><title>%b</title>\n%b</a>' % each for each in zip(cards, tests, points, strict=True)
+    )
 
 
 #: Width of a figure in a report [in].
@@ -167,7 +185,7 @@ class Grid:
         """A grid of `count` panels; `panel_height` in inches."""
         rows = -(-count // columns)
         figure = new_figure(style.size.width)
-        panels = [figure.add_subplot(rows, columns, at + 1) for at in range(count)]
+        panels = [figure.add_subplot(rows, columns, at + 1, axes_class=PanelAxes) for at in range(count)]
         return cls(figure, panels, columns, panel_height, style)
 
     @property
@@ -275,12 +293,13 @@ def _key_shape(labels: Sequence[str], width: float) -> tuple[int, int]:
 def _draw_scale(figure: Figure, scale: Scale, style: Style, bottom: float) -> None:
     """Draw a colour scale from its lowest to its highest value."""
     width, height = figure.get_size_inches()
-    ax = figure.add_axes((0.5 - 0.18, bottom, 0.36, 0.08 * style.size.font / height), label=COLOUR_SCALE)
+    place = (0.5 - 0.18, bottom, 0.36, 0.08 * style.size.font / height)
+    ax = figure.add_axes(place, label=COLOUR_SCALE, axes_class=PanelAxes)
     edges = np.linspace(scale.low, scale.high if scale.high > scale.low else scale.low + 1, _SHADES + 1)
-    for at in range(_SHADES):
-        colour = style.frequency_colour((at + 0.5) / _SHADES)
-        ax.axvspan(edges[at], edges[at + 1], facecolor=colour, edgecolor=colour, linewidth=0.4)
-    ax.set(xlim=(edges[0], edges[-1]), yticks=[])
+    colours = [style.frequency_colour((at + 0.5) / _SHADES) for at in range(_SHADES)]
+    spans = list(zip(edges, np.diff(edges), strict=False))
+    ax.broken_barh(spans, (0.0, 1.0), facecolors=colours, edgecolors=colours, linewidth=0.4)
+    ax.set(xlim=(edges[0], edges[-1]), ylim=(0.0, 1.0), yticks=[])
     ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     ax.grid(visible=False)
     for side in ax.spines.values():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
@@ -28,6 +28,7 @@ from fourpole.plot.states import (
     axis_shown,
     by_tyre,
     curve_of,
+    differing,
     place_text,
     stated_text,
     tested,
@@ -256,7 +257,16 @@ def over_pressure_and_frequency(results: Study, quantities: Sequence[Quantity]) 
     notes: list[str] = []
     tyres = few(list(each), _MOST_TYRES, "specimens", notes)
     notes.append("between the tested pressures: monotone cubic interpolation")
-    panels = [_field_panel(results, sheet, each[tyre], quantity, known) for quantity in quantities for tyre in tyres]
+    lowest = [each[tyre][0] for tyre in tyres]
+    apart = {*differing(lowest)} - {q.PRESSURE.head}
+    place = lowest[0].place
+    if alike := stated_text(
+        results, {column: value for column, value in place.items() if column not in (*apart, q.PRESSURE.head)}
+    ):
+        notes.insert(0, f"at {alike}")
+    panels = [
+        _field_panel(results, sheet, each[tyre], quantity, known, apart) for quantity in quantities for tyre in tyres
+    ]
     return FigureData(tuple(panels), len(tyres), sheet.labels, notes=tuple(notes), panel_height=1.9)
 
 
@@ -282,7 +292,7 @@ def _fields(
     pressures = np.array([one.place[q.PRESSURE.head] for one in found]) / q.PRESSURE.scale
     tested = np.array([np.interp(grid, x, y) for x, y in lines])
     rows = np.linspace(pressures[0], pressures[-1], _ROWS)
-    values = np.asarray(PchipInterpolator(pressures, tested, axis=0)(rows))
+    values = np.asarray(scipy.interpolate.PchipInterpolator(pressures, tested, axis=0)(rows))
     return grid, rows, values
 
 
@@ -299,7 +309,10 @@ def _line(
     )
 
 
-def _field_panel(results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray) -> Panel:
+def _field_panel(
+    results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray, apart: Set[str]
+) -> Panel:
+    """The map of a quantity; `apart` are the columns in which the specimens of the figure differ."""
     tyre, made = found[0].tyre, _fields(results, sheet, found, quantity, known)
     assert made is not None  # specimens without a map are left out
     x, y, z = made
@@ -308,8 +321,7 @@ def _field_panel(results: Study, sheet: Sheet, found: Sequence[State], quantity:
     rows = np.flatnonzero(known & np.any([one.rows for one in found], axis=0))
     frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / pressures.scale
     tests = linked(results, Series(Role.POINTS, frequency, pressure), rows)
-    others = {column: value for column, value in found[0].place.items() if column != q.PRESSURE.head}
-    place = stated_text(results, others)
+    place = stated_text(results, {column: value for column, value in found[0].place.items() if column in apart})
     return Panel(
         AxisData.of(q.FREQUENCY, log=bool(x[-1] > DECADE * x[0])),
         AxisData.of(pressures),

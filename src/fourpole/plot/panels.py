@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import compress
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.plot.data import FigureData, Panel, Place, Role, Series, Tone, plain_text
-from fourpole.plot.layout import link
+from fourpole.plot.layout import links
 from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
 
 #: Values that are below zero by a smaller share of their span do not move the end of an axis from it.
@@ -84,6 +88,11 @@ class Extent(ByValue):
         return int(np.sum(~inside)), int(np.sum(cut))
 
 
+def line(ax: Axes, x: ArrayLike, y: ArrayLike, **look: Any) -> None:
+    """Draw a line; `look` has further properties of matplotlib's line."""
+    ax.add_artist(Line2D(x, y, **look))
+
+
 def bars(
     ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str, *, level: bool = False, strong: bool = False
 ) -> Axes:
@@ -96,15 +105,14 @@ def bars(
         along = np.column_stack([moved - half[known], moved + half[known], gap]).ravel()
         if level:
             across, along = along, across
-        ax.plot(across, along, color=colour, alpha=0.5, linewidth=1.6 if strong else 0.8, marker="", label="_bars",
-                zorder=1.5)  # fmt: skip
+        line(ax, across, along, color=colour, alpha=0.5, linewidth=1.6 if strong else 0.8, label="_bars", zorder=1.5)
     return ax
 
 
 def tyre_heading(ax: Axes, name: str, colour: str, right: str = "", *, style: Style, letters: int = 60) -> Axes:
     """Write the tyre's name above the panel and the condition on the right, and draw a bar in the tyre's colour."""
-    ax.plot([0.0, 1.0], [1.0, 1.0], color=colour, linewidth=2.6, transform=ax.transAxes, clip_on=False, zorder=4.0,
-            solid_capstyle="butt", label="_tyre")  # fmt: skip
+    line(ax, [0.0, 1.0], [1.0, 1.0], color=colour, linewidth=2.6, transform=ax.transAxes, clip_on=False, zorder=4.0,
+         solid_capstyle="butt", label="_tyre")  # fmt: skip
     ax.set_title(plain_text(name, max(letters - len(right) - 1, 8)), loc="left", pad=4.5)
     if right:
         condition(ax, right, style=style)
@@ -126,14 +134,6 @@ def band(ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str, 
                     edgecolor="none" if faint else to_rgba(colour, 0.45), linewidth=0.0 if faint else 0.5,
                     label="_band", zorder=1.2)  # fmt: skip
     return ax
-
-
-def rows_of_names(ax: Axes, names: Sequence[str], margin: float = 0.6) -> None:
-    """Make the ordinate a list of names from the top down."""
-    ax.set_yticks(range(len(names)), names)
-    ax.tick_params(axis="y", length=0)
-    ax.grid(visible=False, axis="y")
-    ax.set_ylim(len(names) - 1 + margin, -margin)
 
 
 #: Values that differ by a smaller share of the largest are one value on an axis.
@@ -197,6 +197,8 @@ def power_of_ten(value: float, _: int) -> str:
 LETTER, LINE, SIZE = 3.75, 7.6, 6.6
 #: A curve with more points than this is drawn through those that are needed, to within this distance [px].
 _FEW, _OFF = 20, 0.015
+#: Size of the markers of points, those with links, rejected ones, and those beside names or of many tests [pt].
+_LINKED, _LOST, _LARGE, _SMALL = 3.87, 5.48, 4.5, 3.0
 #: Curves whose ends are no farther apart than this share of the panel, or a label, have their labels in one column.
 _COLUMN = 0.1
 #: Distance of a text from its point [pt].
@@ -227,10 +229,8 @@ def _curve(ax: Axes, one: Series, colour: str, *, faint: bool) -> None:
     if one.spread is not None:
         band(ax, one.x[at], one.y[at], one.spread[at], colour, faint=faint)
     thin = one.tyre < 0 and one.tone in (Tone.NONE, Tone.INK) and np.isnan(one.level)
-    (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash),
-                      linewidth=0.8 if thin else 1.2, label=f"_{one.role}", zorder=2.0)  # fmt: skip
-    if one.cards:
-        line.set_url(link(one.cards[0], one.tests[0]))
+    line(ax, one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash), linewidth=0.8 if thin else 1.2,
+         label=f"_{one.role}", zorder=2.0, url=links(one.cards[:1], one.tests[:1]) if one.cards else None)  # fmt: skip
 
 
 def _needed(one: Series, ax: Axes) -> IntArray:
@@ -258,18 +258,25 @@ def face_of(one: Series, colour: str, style: Style) -> str:
 
 def _marks(ax: Axes, one: Series, colour: str, style: Style, *, linked: bool, large: bool) -> None:
     """Draw points; each leads to the card of its test, if they are few enough."""
-    lost = one.role is Role.REJECTED
-    marker = "X" if lost else pressure_marker(one.marker)
-    face, edge, scale = face_of(one, colour, style), style.look.muted if lost else colour, style.size.font
-    if not linked or not one.cards:
-        ax.plot(one.x, one.y, linestyle="none", marker=marker, markersize=scale * (4.5 if large else 3.0), color=edge,
-                markerfacecolor=face, markeredgewidth=0.8 if large else 0.6, label=f"_{one.role}",
-                zorder=3.0)  # fmt: skip
-        return
-    area = scale**2 * (30.0 if lost else 15.0)
-    found = ax.scatter(one.x, one.y, s=area, marker=marker, facecolors=face, edgecolors=edge, linewidths=0.8,
-                       label=f"_{one.role}", zorder=2.5 if lost else 3.0)  # fmt: skip
-    found.set_urls([link(card, test) for card, test in zip(one.cards, one.tests, strict=True)])
+    lost, linked = one.role is Role.REJECTED, linked and bool(one.cards)
+    size, width = (_LOST if lost else _LINKED, 0.8) if linked else (_LARGE, 0.8) if large else (_SMALL, 0.6)
+    look = {
+        "linestyle": "none", "marker": "X" if lost else pressure_marker(one.marker), "markeredgewidth": width,
+        "markersize": size * style.size.font, "color": style.look.muted if lost else colour,
+        "markerfacecolor": face_of(one, colour, style), "label": f"_{one.role}", "zorder": 2.5 if lost else 3.0,
+    }  # fmt: skip
+    # An SVG has no marks beyond its edges, so that links are counted for those within the axes.
+    within = _within_axes(ax, one)
+    url = links(*(tuple(compress(texts, within)) for texts in (one.cards, one.tests))) if linked else None
+    for part, address in ((within, url), (~within, None)):
+        if part.any():
+            line(ax, one.x[part], one.y[part], url=address, **look)
+
+
+def _within_axes(ax: Axes, one: Series) -> BoolArray:
+    """True for the points of a series within the limits of the axes."""
+    (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+    return np.asarray((one.x >= left) & (one.x <= right) & (one.y >= low) & (one.y <= high))
 
 
 def _texts(ax: Axes, one: Series, style: Style) -> None:
@@ -318,8 +325,8 @@ def end_labels(ax: Axes, panel: Panel, style: Style, width: float, height: float
         for (one, x, y), place in zip(column, places.tolist(), strict=True):
             at = right + 0.02
             if abs(place - y) > 0.3 * gap or right - x > 0.01:
-                ax.plot([x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
-                        transform=ax.transAxes, zorder=1.4)  # fmt: skip
+                line(ax, [x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
+                     transform=ax.transAxes, zorder=1.4)  # fmt: skip
             ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(SIZE),
                     va="center", ha="left", zorder=4.0)  # fmt: skip
 

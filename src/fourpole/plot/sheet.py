@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import RigError
-from fourpole.plot.data import counted, lacking, short_names
+from fourpole.plot.data import counted, kept, lacking, short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
 from fourpole.study.record import section
@@ -87,7 +88,7 @@ class Sheet(ByValue):
     settings: tuple[str, ...]
     rejected: BoolArray
 
-    @property
+    @cached_property
     def rigs(self) -> list[str]:
         """Name of the rig of each test."""
         return texts(self.table, "rig")
@@ -106,13 +107,20 @@ class Sheet(ByValue):
 
     def values(self, column: str) -> FloatArray:
         """A column of dynamic.csv as floats; a blank cell is not-a-number."""
-        return floats(self.table, column)
+        if column not in self._values:
+            self._values[column] = floats(self.table, column)
+            self._values[column].flags.writeable = False
+        return self._values[column]
+
+    @cached_property
+    def _values(self) -> dict[str, FloatArray]:
+        return {}
 
     def shown(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
         """Values and standard uncertainties of a quantity in the unit of its axis."""
         return self.values(quantity.head) / quantity.scale, self.values(quantity.u_head) / quantity.scale
 
-    @property
+    @cached_property
     def massed(self) -> BoolArray:
         """True for tests whose condition was also tested with a smaller added mass: these tests show the rig."""
         added = self.added
@@ -139,16 +147,16 @@ def read_sheet(results: Study, *, texts_only: bool = False) -> Sheet:
     A specimen tested at several temperatures, or at several values of a further axis, becomes several specimens;
     with `texts_only`, only axes whose values are texts part a specimen.
     """
-    key = ("sheet", texts_only)
-    if key not in results.derived:
-        part = part_of(results)
-        results.derived[key] = (
+    part = part_of(results)
+    return kept(
+        results,
+        ("sheet", texts_only),
+        lambda: (
             _sheet_of(results, texts_only=texts_only)
             if part is None
             else _rows_of(read_sheet(part.whole, texts_only=texts_only), part)
-        )
-    sheet: Sheet = results.derived[key]
-    return sheet
+        ),
+    )
 
 
 def _rows_of(sheet: Sheet, part: Part) -> Sheet:
@@ -246,8 +254,7 @@ def floats(table: pl.DataFrame, column: str) -> FloatArray:
     """A column as floats; a blank cell, and a column that does not exist, are not-a-number."""
     if column not in table.columns:
         return np.full(table.height, np.nan)
-    values: FloatArray = table[column].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy().astype(float)
-    values = np.array(values)
+    values: FloatArray = np.array(table[column].cast(pl.Float64, strict=False).to_numpy(), dtype=float)
     values[~np.isfinite(values)] = np.nan
     return values
 

@@ -23,7 +23,7 @@ from fourpole.fitting.stated import rig_in
 from fourpole.models.operating import Answer
 from fourpole.models.realised import MASSLESS
 from fourpole.plot.cards import linked
-from fourpole.plot.data import AxisData, Panel, Role, Series, plain_text
+from fourpole.plot.data import AxisData, Panel, Role, Series, kept, plain_text
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.study.study import Study
@@ -154,19 +154,18 @@ def _residuals(results: Study, fitted: Drawn) -> tuple[IntArray, FloatArray, Flo
     The residuals (N, 2) are in standard uncertainties; they are made once for some results.
     """
     key = ("residuals", fitted.entry.tyre, fitted.at, fitted.amplitude)
-    if key not in results.derived:
-        sheet, rows = read_sheet(results, texts_only=True), np.flatnonzero(fitted.rows)
-        frequency = sheet.values(q.FREQUENCY.head)
-        rows = rows[np.argsort(frequency[rows], kind="stable")]
-        amplitude = None if fitted.amplitude is None else amplitudes_of(sheet.table)[rows]
-        predicted, covariance = response(fitted.entry, fitted.at, frequency[rows], amplitude)
-        (real, u_real), (imag, u_imag) = (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
-        off = np.stack([real[rows], imag[rows]], axis=1) - np.stack([predicted.real, predicted.imag], 1) / _SCALE
-        measured = _data_covariance(u_real[rows], u_imag[rows], np.nan_to_num(sheet.values(q.CORR_K.head)[rows]))
-        residuals = whitened(off, covariance / _SCALE**2 + measured)
-        results.derived[key] = (rows, frequency[rows], residuals)
-    made: tuple[IntArray, FloatArray, FloatArray] = results.derived[key]
-    return made
+    return kept(results, key, lambda: _whitened_residuals(read_sheet(results, texts_only=True), fitted))
+
+
+def _whitened_residuals(sheet: Sheet, fitted: Drawn) -> tuple[IntArray, FloatArray, FloatArray]:
+    rows, frequency = np.flatnonzero(fitted.rows), sheet.values(q.FREQUENCY.head)
+    rows = rows[np.argsort(frequency[rows], kind="stable")]
+    amplitude = None if fitted.amplitude is None else amplitudes_of(sheet.table)[rows]
+    predicted, covariance = response(fitted.entry, fitted.at, frequency[rows], amplitude)
+    (real, u_real), (imag, u_imag) = (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
+    off = np.stack([real[rows], imag[rows]], axis=1) - np.stack([predicted.real, predicted.imag], 1) / _SCALE
+    measured = _data_covariance(u_real[rows], u_imag[rows], np.nan_to_num(sheet.values(q.CORR_K.head)[rows]))
+    return rows, frequency[rows], whitened(off, covariance / _SCALE**2 + measured)
 
 
 def _data_covariance(first: FloatArray, second: FloatArray, correlation: FloatArray) -> FloatArray:
@@ -266,10 +265,7 @@ def by_tyre(conditions: Iterable[State]) -> dict[int, list[State]]:
 
 def states(results: Study) -> list[State]:
     """All conditions of the dynamic tests, by specimen, pressure and preload; made once for some results."""
-    if "states" not in results.derived:
-        results.derived["states"] = _states(results, read_sheet(results, texts_only=True))
-    found: list[State] = results.derived["states"]
-    return found
+    return kept(results, "states", lambda: _states(results, read_sheet(results, texts_only=True)))
 
 
 def _states(results: Study, sheet: Sheet) -> list[State]:
@@ -388,14 +384,11 @@ def model_curve(results: Study, state: State) -> ModelCurve | None:
     one = state.model
     if one is None or one.band[1] <= one.band[0]:
         return None
+    low, high = one.band
+    grid = np.geomspace(low, high, _GRID) if high > DECADE * low else np.linspace(low, high, _GRID)
+    moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
     key = ("curve", one.entry.tyre, one.at, one.amplitude)
-    if key not in results.derived:
-        low, high = one.band
-        grid = np.geomspace(low, high, _GRID) if high > DECADE * low else np.linspace(low, high, _GRID)
-        moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
-        results.derived[key] = ModelCurve(grid, *response(one.entry, one.at, grid, moved))
-    found: ModelCurve = results.derived[key]
-    return found
+    return kept(results, key, lambda: ModelCurve(grid, *response(one.entry, one.at, grid, moved)))
 
 
 def curve_of(results: Study, state: State, quantity: Quantity) -> tuple[FloatArray, FloatArray, FloatArray] | None:

@@ -37,6 +37,7 @@ class _Theme:
 _STATED = package_toml("fourpole.plot", "style.toml")
 THEMES: dict[str, _Theme] = {name: _Theme(**stated) for name, stated in _STATED["themes"].items()}
 
+_SHADES = mpl.colormaps["viridis"]
 #: Markers of pressures in rising order; the cross stands for rejected tests.
 _PRESSURE_MARKERS: tuple[Marker, ...] = ("o", "s", "^", "D", "v", "P", "<", ">", "*", (4, 1, 0), (4, 1, 45))
 _LOAD_DASHES: tuple[Dashes, ...] = (
@@ -148,7 +149,7 @@ class Style:
     def frequency_colour(self, part: float) -> str:
         """Colour of a frequency on the sequential scale; `part` is 0 for the lowest and 1 for the highest."""
         low, high = self.look.scale
-        return to_hex(mpl.colormaps["viridis"](low + (high - low) * part))
+        return to_hex(_SHADES(low + (high - low) * part))
 
     @property
     def rc(self) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known, number
@@ -23,6 +23,7 @@ from fourpole.core.recording import UNITS
 from fourpole.findings.list import CheckRow, checks_by_point, kind_of
 from fourpole.fitting.rows import KEY, Key, key_of, keyed, keys_of
 from fourpole.plot.cards import dynamic_cards, in_equal_ratios
+from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.rows import DYNAMIC, STATIC, condition, texts, with_intervals, words
 from fourpole.study.record import section, stated_blocked
@@ -33,16 +34,16 @@ from fourpole.study.tables import verdict_of_lines
 #: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 _LEVELS = 4094
-_PAIRS = np.array([a + b for a in ALPHABET for b in ALPHABET])
+_PAIRS = np.array([a + b for a in ALPHABET for b in ALPHABET], dtype="S2")
 
 
-def extremes(values: NDArray[np.float64]) -> tuple[float, float]:
+def extremes(values: FloatArray) -> tuple[float, float]:
     """Least and largest value; zeros if none is known."""
     seen = values[np.isfinite(values)]
     return (float(seen.min()), float(seen.max())) if seen.size else (0.0, 0.0)
 
 
-def packed(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> list[float | str]:
+def packed(values: FloatArray, low: float | None = None, high: float | None = None) -> list[float | str]:
     """A curve as its extremes and two characters per sample.
 
     Parameters
@@ -62,7 +63,7 @@ def packed(values: NDArray[np.float64], low: float | None = None, high: float | 
     step = (high - low) / _LEVELS
     level = np.zeros(values.size) if step == 0 else (values - low) / step
     index = np.where(np.isfinite(values), np.clip(np.rint(level), 0, _LEVELS), _LEVELS + 1).astype(int)
-    return [float(f"{low:.8g}"), float(f"{step:.8g}"), "".join(_PAIRS[index].tolist())]
+    return [float(f"{low:.8g}"), float(f"{step:.8g}"), _PAIRS[index].tobytes().decode()]
 
 
 #: Most lines of a curve, and rows of the table of a card.
@@ -80,7 +81,7 @@ def line_body(
     rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequence[CheckRow]], units: ShownUnits
 ) -> dict[str, Any]:
     """The data of the card: rows of dynamic.csv and of lines.csv of one test, which may have none, and its checks."""
-    frequency = _floats(rows, q.FREQUENCY.head)
+    frequency = floats(rows, q.FREQUENCY.head)
     kept = in_equal_ratios(frequency, _CURVE).tolist()
     panels = [one for quantity in map(units.of, _PANELS) if (one := _panel(rows[kept], quantity))]
     seen = rows.select(KEY).join(lines, on=KEY, how="left") if lines.height else rows.select(KEY)
@@ -110,7 +111,7 @@ def line_body(
 
 def band_words(rows: pl.DataFrame) -> str:
     """The frequencies and the number of the lines of a test: 5.23 to 199.5 Hz, 257 lines."""
-    frequency = _floats(rows, q.FREQUENCY.head)
+    frequency = floats(rows, q.FREQUENCY.head)
     if not np.isfinite(frequency).any():
         return f"{rows.height} lines"
     return f"{number(np.nanmin(frequency))} to {number(np.nanmax(frequency))} Hz, {rows.height} lines"
@@ -119,8 +120,8 @@ def band_words(rows: pl.DataFrame) -> str:
 def _panel(rows: pl.DataFrame, quantity: Quantity) -> dict[str, Any]:
     """A curve with the ends of its interval; empty if no line has a value. Rejected lines are missing."""
     used = (rows[q.VERDICT.head] != Verdict.REJECTED).to_numpy()
-    value = np.where(used, _floats(rows, quantity.head), np.nan) / quantity.scale
-    reach = COVERAGE_FACTOR * np.where(used, _floats(rows, quantity.u_head), np.nan) / quantity.scale
+    value = np.where(used, floats(rows, quantity.head), np.nan) / quantity.scale
+    reach = COVERAGE_FACTOR * np.where(used, floats(rows, quantity.u_head), np.nan) / quantity.scale
     if np.isfinite(value).sum() < 2:
         return {}
     room = _limits(value, reach)
@@ -130,7 +131,7 @@ def _panel(rows: pl.DataFrame, quantity: Quantity) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _limits(value: NDArray[np.float64], reach: NDArray[np.float64]) -> list[float]:
+def _limits(value: FloatArray, reach: FloatArray) -> list[float]:
     """Ends of the axis: those of the well-known lines, so that one uncertain line does not flatten the rest."""
     sure = np.isfinite(value) & (reach <= 4.0 * np.nanmedian(reach)) if np.isfinite(reach).any() else np.isfinite(value)
     sure = sure if sure.sum() > 1 else np.isfinite(value)
@@ -139,7 +140,7 @@ def _limits(value: NDArray[np.float64], reach: NDArray[np.float64]) -> list[floa
 
 
 def _coherence(lines: pl.DataFrame) -> dict[str, Any]:
-    found = [(one, _floats(lines, one.head)) for one in q.COHERENCES if one.head in lines.columns]
+    found = [(one, floats(lines, one.head)) for one in q.COHERENCES if one.head in lines.columns]
     curves = [{"name": one.symbol, "v": packed(values)} for one, values in found if np.isfinite(values).sum() > 1]
     return {"title": "coherence", "unit": "1", "curves": curves, "room": [0.0, 1.0]} if curves else {}
 
@@ -147,8 +148,8 @@ def _coherence(lines: pl.DataFrame) -> dict[str, Any]:
 def _closure(lines: pl.DataFrame) -> dict[str, Any]:
     if q.CLOSURE_PHASE.head not in lines.columns:
         return {}
-    value = np.degrees(_floats(lines, q.CLOSURE_PHASE.head))
-    reach = COVERAGE_FACTOR * np.degrees(_floats(lines, q.CLOSURE_PHASE.u_head))
+    value = np.degrees(floats(lines, q.CLOSURE_PHASE.head))
+    reach = COVERAGE_FACTOR * np.degrees(floats(lines, q.CLOSURE_PHASE.u_head))
     if np.isfinite(value).sum() < 2:
         return {}
     most = float(np.nanquantile(np.abs(value) + reach, 0.9))
@@ -162,7 +163,7 @@ def _ranges(lines: pl.DataFrame) -> list[tuple[str, str]]:
     """Width and number of averages of the lines."""
     found = []
     for one in (q.WIDTH, q.AVERAGES):
-        values = _floats(lines, one.head)
+        values = floats(lines, one.head)
         if np.isfinite(values).any():
             ends = [number(float(end), 3) for end in (np.nanmin(values), np.nanmax(values))]
             unit = f" {one.suffix}" if one.suffix else ""
@@ -194,12 +195,6 @@ def _line_cell(row: Mapping[str, Any], quantity: Quantity, units: ShownUnits) ->
     return " ".join(filter(None, texts(quantity, row, units)))
 
 
-def _floats(table: pl.DataFrame, name: str) -> NDArray[np.float64]:
-    if name not in table.columns:
-        return np.full(table.height, np.nan)
-    return table[name].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy()
-
-
 def lines_of(table: pl.DataFrame) -> dict[str, pl.DataFrame]:
     """The rows of each test in a table of lines, by test."""
     if q.TEST.head not in table.columns:
@@ -210,7 +205,7 @@ def lines_of(table: pl.DataFrame) -> dict[str, pl.DataFrame]:
 _LETTERS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
 
 _SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE)
-_NONE: NDArray[np.float64] = np.empty(0)
+_NONE: FloatArray = np.empty(0)
 _TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 
@@ -247,7 +242,7 @@ class _Previews:
         keys = table.select(name for name in KEY if name in table.columns)
         self._at = {key_of(row): at for at, row in enumerate(keys.rows(named=True))} if "test" in keys.columns else {}
 
-    def of(self, key: Key) -> dict[str, NDArray[np.float64]]:
+    def of(self, key: Key) -> dict[str, FloatArray]:
         """The arrays of one test by column, without the room after their last sample; empty if there are none."""
         at = self._at.get(key)
         if at is None:
@@ -282,7 +277,7 @@ def _static_cards(results: Study, previews: _Previews) -> tuple[list[Card], list
 
 
 def _static_body(
-    rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArray[np.float64]], units: ShownUnits
+    rows: Sequence[Mapping[str, Any]], preview: Mapping[str, FloatArray], units: ShownUnits
 ) -> dict[str, Any]:
     facts = []
     for row in rows:
@@ -302,9 +297,7 @@ def _static_body(
     return body
 
 
-def _tangents(
-    rows: Sequence[Mapping[str, Any]], x: NDArray[np.float64], load: NDArray[np.float64]
-) -> Iterator[list[float]]:
+def _tangents(rows: Sequence[Mapping[str, Any]], x: FloatArray, load: FloatArray) -> Iterator[list[float]]:
     """Deflection, load and slope of each K1 tangent, where the mean curve first reaches the preload."""
     for row in rows:
         preload, k1 = known(row[q.PRELOAD.head]), known(row[q.K1.head])
@@ -359,7 +352,7 @@ def _line_card(
 
 def _dynamic_body(
     row: Mapping[str, Any],
-    preview: Mapping[str, NDArray[np.float64]],
+    preview: Mapping[str, FloatArray],
     quantities: Mapping[str, str],
     more: Sequence[str],
     units: ShownUnits,
@@ -379,14 +372,14 @@ def _dynamic_body(
     return body
 
 
-def _signals(preview: Mapping[str, NDArray[np.float64]], quantities: Mapping[str, str]) -> dict[str, Any]:
+def _signals(preview: Mapping[str, FloatArray], quantities: Mapping[str, str]) -> dict[str, Any]:
     """The signals of a preview with their times; empty if there are none."""
     signals = [found for symbol in SYMBOLS.values() if (found := _signal(symbol, preview, quantities[symbol]))]
     time, blocks = preview.get(q.TIME.head, _NONE), preview.get(q.RESIDUAL_TIME.head, _NONE)
     return {"t": packed(time), "rt": packed(blocks), "signals": signals} if signals and time.size > 1 else {}
 
 
-def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: str) -> dict[str, Any]:
+def _signal(symbol: str, preview: Mapping[str, FloatArray], quantity: str) -> dict[str, Any]:
     signal, fit, residual = (preview.get(f"{symbol}{what}", _NONE) for what in ("", " fit", " residual"))
     if signal.size < 2 or fit.size not in (0, signal.size):
         return {}
@@ -401,7 +394,7 @@ def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: s
     }
 
 
-def _loop(row: Mapping[str, Any], preview: Mapping[str, NDArray[np.float64]], *, blocked: bool) -> dict[str, Any]:
+def _loop(row: Mapping[str, Any], preview: Mapping[str, FloatArray], *, blocked: bool) -> dict[str, Any]:
     """The hysteresis loop: amplitudes of deflection and F1, the phase lead of F1, the deflection's phase at t = 0.
 
     The deflection is that across the tyre if V2 is known, otherwise that of the contact. The phase at t = 0 follows

@@ -49,7 +49,9 @@ def _page(templates: tuple[tuple[str, str], ...]) -> Template:
 
 def environment(loader: BaseLoader) -> Environment:
     """Where templates become pages: texts are escaped, and a name that is not there is an error."""
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, optimized=False
+    )
 
 
 def fit(page: str) -> str:
@@ -98,20 +100,22 @@ def inline(svg: str, title: str) -> Markup | None:
         root = ET.fromstring(svg)
     except ET.ParseError:
         return None
-    if not all(map(_is_harmless, root.iter())):
+    if not _is_harmless(root):
         return None
     named = Markup('<svg role="group" aria-label="{}"').format(title)
     body = _STYLE_SHEET.sub("", svg).replace("<a ", '<a tabindex="-1" ')
     return named + Markup(body[len("<svg") :])
 
 
-def _is_harmless(element: ET.Element) -> bool:
-    name = element.tag.removeprefix(_SVG) if isinstance(element.tag, str) else ""
-    if name not in _ELEMENTS or not element.attrib.keys() <= _ATTRIBUTES:
-        return False
-    link = element.attrib.get(_LINK)
-    addresses = re.findall(r"url\(\s*['\"]?([^)'\"]*)", " ".join(element.attrib.values()))
-    return all(_HARMLESS.fullmatch(one) for one in (*addresses, *([link] if link is not None else [])))
+def _is_harmless(root: ET.Element) -> bool:
+    tags, names, values, links = set[str](), set[str](), list[str](), set[str]()
+    for element in root.iter():
+        tags.add(element.tag.removeprefix(_SVG))
+        names.update(element.attrib)
+        values += element.attrib.values()
+        links.update(element.attrib[name] for name in (_LINK,) if name in element.attrib)
+    addresses = {*re.findall(r"url\(\s*['\"]?([^)'\"]*)", " ".join(values))}
+    return tags <= _ELEMENTS and names <= _ATTRIBUTES and all(map(_HARMLESS.fullmatch, links | addresses))
 
 
 #: Names of browsers that print without a window, on the path, and their places on macOS and Windows.

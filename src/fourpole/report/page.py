@@ -262,14 +262,10 @@ def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]
 
 
 def _compact(svg: str) -> str:
-    """An SVG without its invisible parts: prolog, metadata, space between elements, third decimals of points."""
+    """An SVG without its invisible parts: prolog, metadata, space between elements and in paths."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE[^>\[]*>|<!--.*?-->|<metadata>.*?</metadata>", "", svg, flags=re.S)
     svg = re.sub(r">[^\S\n]*+\n\s*+<", "><", svg)
-    return re.sub(r'(?<=\sd=")[^"]*', lambda path: _short_path(path[0]), svg).strip()
-
-
-def _short_path(path: str) -> str:
-    return re.sub(r"\s+", " ", re.sub(r"(\.\d\d)\d+(?![\de])", r"\1", path)).strip()
+    return " ".join(map(str.strip, svg.split("\n"))).strip()
 
 
 def _versions(record: Mapping[str, Any]) -> dict[str, str]:

@@ -16,6 +16,7 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import KEY, keyed
+from fourpole.plot.data import kept
 from fourpole.quantities import RIG_VALUES, ShownUnits
 from fourpole.report.digits import SENTENCES, counted, percent
 from fourpole.study.record import stated_blocked
@@ -209,6 +210,10 @@ def limits(results: Study) -> list[Limit]:
     list of Limit
         One limit per rig and quantity, sorted by rig. Rejected tests do not count.
     """
+    return kept(results, "limits", lambda: _all_limits(results))
+
+
+def _all_limits(results: Study) -> list[Limit]:
     budget = results.budget
     if budget.is_empty() or any(name not in budget.columns for name in _BUDGET):
         return []
@@ -265,12 +270,12 @@ def _scale(results: Study, rig: RigEstimate) -> SimpleNamespace:
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
     """Sources by their median share over the tests, the largest first; a test without a source counts as zero."""
-    tests = rows.select(KEY).n_unique()
-    shares = []
-    for (source,), part in rows.group_by("source", maintain_order=True):
-        values = part.group_by(KEY).agg(pl.col(q.SHARE.head).sum())[q.SHARE.head].to_numpy()
-        padded = np.concatenate([values, np.zeros(tests - values.size)])
-        shares.append((str(source), float(np.median(padded)), float(padded.mean())))
+    tests, values = rows.select(KEY).n_unique(), dict[str, list[float]]()
+    of_tests = rows.group_by("source", *KEY, maintain_order=True).agg(pl.col(q.SHARE.head).sum())
+    for source, share in of_tests.select("source", q.SHARE.head).iter_rows():
+        values.setdefault(str(source), []).append(share)
+    padded = {source: np.array([*some, *[0.0] * (tests - len(some))]) for source, some in values.items()}
+    shares = [(source, float(np.median(each)), float(each.mean())) for source, each in padded.items()]
     shares.sort(key=lambda item: item[1:], reverse=True)
     return [(source, middle) for source, middle, _ in shares]
 
