@@ -61,7 +61,7 @@ def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
 @pytest.mark.sampled(4)
 def test_what_it_cannot(study):
     with pytest.raises(ModelError, match="no axis 'camber'"):
-        study.map("zener", at={"camber": [1.0]})
+        study.map("zener", tyre=RADIAL_PLY.name, at={"camber": [1.0]})
     with pytest.raises(ModelError, match="no test of a specimen 'x'"):
         study.map("zener", tyre="x")
 

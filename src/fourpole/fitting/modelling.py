@@ -453,7 +453,7 @@ def _candidate_entry(one: Trial) -> CandidateFile:
 
 def lacking_error(measured: Measured, verdict: Verdict) -> float:
     """The relative error of K* at each frequency that would make it possible for a relaxing tyre; 0 if it is."""
-    return 0.0 if verdict.possible else model_discrepancy([measured.data])
+    return 0.0 if verdict.possible else model_discrepancy([measured.data], always=True)
 
 
 def _condition_entry(

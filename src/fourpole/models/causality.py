@@ -129,7 +129,7 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     """
     if data.stiffness.ndim != 1:
         raise ModelError("the test is for one condition at a time: choose one")
-    data, best = _near_best(data, enough)
+    data, best = best_passive(data, enough)
     rows, without_k1 = (np.empty(0, dtype=int), False) if best.possible else _impossible(data, best.far)
     impossible = data.omega[rows] / (2 * np.pi)
     return Possible(**vars(best), residuals=data.stiffness - best.best, impossible=impossible, without_k1=without_k1)
@@ -137,10 +137,10 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
 
 def near_passive(data: StiffnessData) -> StiffnessData:
     """The data of one condition with their shared errors at K* of the best passive tyre; see `StiffnessData.at`."""
-    return data if data.relative is None else _near_best(data, CHANCE)[0]
+    return data if data.relative is None else best_passive(data, CHANCE)[0]
 
 
-def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, PassiveTyre]:
+def best_passive(data: StiffnessData, enough: float) -> tuple[StiffnessData, PassiveTyre]:
     """The best passive tyre, and the data with their shared errors at its K*."""
     best = _best(data if data.reference is not None else data.eased(), enough)
     return data.settled(best, lambda one: one.best, lambda there, _: _best(there, enough))
@@ -150,7 +150,7 @@ def _best(data: StiffnessData, enough: float) -> PassiveTyre:
     """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
     (condition,), before, times = whitened_conditions(data), np.inf, grid_of(data)
     for _ in range(_ROUNDS):
-        best = _with_times(condition, times)
+        best, _ = _with_times(condition, times)
         if best.chance > enough or before - best.chi2 < _STUCK * (best.chi2 - best.dof):
             break
         times, before = _finer(times, best.spectrum > 0), best.chi2
@@ -163,12 +163,12 @@ def grid_of(data: StiffnessData, beyond: float = _BEYOND) -> FloatArray:
     return 1.0 / np.geomspace(low, high, int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1)[::-1]
 
 
-def _with_times(condition: WhitenedCondition, times: FloatArray) -> PassiveTyre:
-    """The best passive tyre with given relaxation times."""
+def _with_times(condition: WhitenedCondition, times: FloatArray) -> tuple[PassiveTyre, FloatArray]:
+    """The best passive tyre with given relaxation times, and the rows of its terms."""
     terms, static = relaxing_terms(condition.data, times)
     found = NonNegative.best(condition.rows(terms, static), condition.target)
     dof = max(condition.data.numbers - found.used, 1)
-    return PassiveTyre(
+    best = PassiveTyre(
         chi2=found.chi2,
         dof=dof,
         chance=float(stats.chi2.sf(found.chi2, dof)),
@@ -177,6 +177,7 @@ def _with_times(condition: WhitenedCondition, times: FloatArray) -> PassiveTyre:
         times=times,
         spectrum=found.weights[-times.size - 1 : -1],
     )
+    return best, found.rows
 
 
 def _with_best_times(condition: WhitenedCondition, best: PassiveTyre) -> PassiveTyre:
@@ -191,16 +192,15 @@ def _with_best_times(condition: WhitenedCondition, best: PassiveTyre) -> Passive
     if place.size > _MOST_MOVED:
         return best
     for _ in range(_MOVES):
-        tried = _with_times(condition, np.exp(place))
+        tried, rows = _with_times(condition, np.exp(place))
         if tried.chi2 < best.chi2 * (1 - 1e-9):
             best = tried
         if best.possible:
             break
         arms = relaxation(data.omega, np.exp(place))
         slopes = data.whitened(condition.whiten, tried.spectrum * arms * (1 - arms))
-        flat = data.whitened(condition.whiten, terms_of(data.omega, np.exp(place), data.omega.max()))
-        residuals = tried.whitened[: 2 * data.count]
-        step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), residuals, rcond=1e-12)[0]
+        known = slice(2 * data.count)
+        step = np.linalg.lstsq(np.hstack([slopes, rows[known]]), tried.whitened[known], rcond=1e-12)[0]
         place = place + np.clip(step[: place.size], -_FARTHEST_MOVE, _FARTHEST_MOVE)
     return best
 
@@ -226,12 +226,12 @@ def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]
 def relaxing_terms(data: StiffnessData, times: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """K* (N, k) and K1 (k,) of the terms of the best relaxing specimen of one condition, per unit of coefficients.
 
-    If K1 is known at zero frequency, a second constant is an arm that relaxes too slowly for the band: it is part of
-    K*, but not of K1.
+    If K1 is known at zero frequency, the first of two constants is an arm that relaxes too slowly for the band: it is
+    part of K*, but not of K1.
     """
     terms, static = terms_of(data.omega, times, data.omega.max()), _static_of(data, times)
     if data.has_k1 and not data.ramp:
-        terms, static = np.insert(terms, 1, 1.0, axis=1), np.insert(static, 1, 0.0)
+        terms, static = np.concatenate([terms[:, :1], terms], axis=1), np.append(0.0, static)
     return terms, static
 
 

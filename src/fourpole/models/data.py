@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -145,7 +146,7 @@ class StiffnessData(ByValue):
         """Whether the covariance has entries between different frequencies."""
         return self.covariance.ndim == self.stiffness.ndim + 1
 
-    @property
+    @cached_property
     def has_k1(self) -> bool:
         """Whether at least one condition has a known static stiffness."""
         return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
@@ -411,8 +412,8 @@ def complex_columns(columns: FloatArray) -> ComplexArray:
 
 def real_columns(values: ComplexArray) -> FloatArray:
     """Columns (..., 2N, p), Re and Im of each frequency in turn, of complex values (..., N, p)."""
-    both = np.stack([values.real, values.imag], axis=-2)
-    return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))
+    turned = np.ascontiguousarray(np.swapaxes(values, -1, -2), dtype=complex)
+    return np.asarray(np.swapaxes(turned.view(float), -1, -2))
 
 
 def with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:

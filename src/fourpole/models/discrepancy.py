@@ -16,7 +16,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray
 from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
 from fourpole.errors import ModelError
-from fourpole.models.causality import check_possible
+from fourpole.models.causality import best_passive
 from fourpole.models.choice import Choice, Trial, choose, fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
@@ -114,7 +114,7 @@ def student_factor(dof: int) -> float:
 
 def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:
     """Chi-square and degrees of freedom, summed over the conditions, of the best passive linear tyre of each."""
-    found = [check_possible(one, _LIKELY) for one in conditions]
+    found = [best_passive(one, _LIKELY)[1] for one in conditions]
     return sum(one.chi2 for one in found), sum(one.dof for one in found)
 
 

@@ -221,34 +221,35 @@ def _fit_of(problem: FitProblem, place: FloatArray, converged: BoolArray) -> Fit
 
 def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Levenberg-Marquardt from `place` (B, F): the last place, and which conditions converged."""
-    place = np.clip(place, *problem.ends)
-    residuals = problem.residuals(place)
-    chi2 = np.sum(residuals**2, axis=1)
-    damping = np.full(len(place), _DAMPING)
-    done = np.zeros(len(place), dtype=bool)
-    rows, left, before = np.arange(len(place)), problem, np.full(len(place), np.inf)
+    every, ended, rows = np.clip(place, *problem.ends), np.zeros(len(place), dtype=bool), np.arange(len(place))
+    left, place = problem, every
+    residuals = left.residuals(place)
+    chi2, damping, before = np.sum(residuals**2, axis=1), np.full(len(place), _DAMPING), np.full(len(place), np.inf)
     for steps in range(1, _STEPS + 1):
-        step, predicted = _step(left, place[rows], residuals[rows], damping[rows])
-        tried = np.clip(place[rows] + step, *left.ends)
+        step, predicted = _step(left, place, residuals, damping)
+        low, high = left.ends
+        tried = np.minimum(np.maximum(place + step, low), high)
         found = left.residuals(tried)
         after = np.sum(found**2, axis=1)
-        better = np.isfinite(after) & (after <= chi2[rows])
-        moved = np.max(np.abs(tried - place[rows]), axis=1, initial=0.0)
+        better = np.isfinite(after) & (after <= chi2)
+        moved = np.abs(tried - place).max(axis=1, initial=0.0)
         # The predicted reduction is tested, because round-off hides the last real reductions.
-        small = (predicted <= _SMALL_GAIN * chi2[rows]) | (better & (moved < _SMALL_STEP)) | (moved < 1e-14)
-        ahead = rows[better]
-        place[ahead], residuals[ahead], chi2[ahead] = tried[better], found[better], after[better]
-        damping[rows] *= np.where(better, _LOWER, _RAISE)
-        done[rows] = small | (damping[rows] > _MOST_DAMPING)
+        done = (predicted <= _SMALL_GAIN * chi2) | (better & (moved < _SMALL_STEP)) | (moved < 1e-14)
+        place, chi2 = np.where(better[:, None], tried, place), np.where(better, after, chi2)
+        residuals = np.where(better[:, None], found, residuals)
+        damping = damping * np.where(better, _LOWER, _RAISE)
+        done |= damping > _MOST_DAMPING
         if steps % _WINDOW == 0:
             done |= before - chi2 <= _FLAT + _FLAT_SHARE * chi2
-            before = chi2.copy()
-        if done.all():
-            break
-        if np.mean(done[rows]) > _MOST_DONE:
-            rows = np.flatnonzero(~done)
-            left = problem.part(rows)
-    return problem.snapped(place), done & np.isfinite(chi2)
+            before = chi2
+        if steps == _STEPS or np.count_nonzero(done) > _MOST_DONE * done.size:
+            every[rows], ended[rows] = place, done & np.isfinite(chi2)
+            if steps == _STEPS or done.all():
+                break
+            kept = np.flatnonzero(~done)
+            rows, place, residuals = rows[kept], place[kept], residuals[kept]
+            chi2, damping, before, left = chi2[kept], damping[kept], before[kept], problem.part(rows)
+    return problem.snapped(every), ended
 
 
 def _step(
@@ -256,19 +257,20 @@ def _step(
 ) -> tuple[FloatArray, FloatArray]:
     """The next step (B, F), and the reduction of chi-square (B,) that the linearised model predicts for it."""
     slopes = problem.jacobian(place)
-    normal = np.swapaxes(slopes, 1, 2) @ slopes
-    right = (np.swapaxes(slopes, 1, 2) @ residuals[..., None])[..., 0]
+    turned = np.swapaxes(slopes, 1, 2)
+    normal, right = turned @ slopes, (turned @ residuals[..., None])[..., 0]
     low, high = problem.ends
     outward = ((place <= low) & (right < 0)) | ((place >= high) & (right > 0))
     if problem.pinned is not None:
         outward |= problem.pinned
-    at = np.arange(place.shape[1])
-    size = np.maximum(normal[:, at, at], 1e-300)
-    normal = np.where(outward[:, :, None] | outward[:, None, :], 0.0, normal)
-    normal[:, at, at] = np.where(outward, size, size * (1 + damping[:, None]) + 1e-14 * size.max(axis=1)[:, None])
-    scale = 1.0 / np.sqrt(normal[:, at, at])
+    diagonal = np.einsum("bff->bf", normal)
+    size = np.maximum(diagonal, 1e-300)
+    if outward.any():
+        normal[outward[:, :, None] | outward[:, None, :]] = 0.0
+        right[outward] = 0.0
+    diagonal[:] = np.where(outward, size, size * (1 + damping[:, None]) + 1e-14 * size.max(axis=1)[:, None])
+    scale = 1.0 / np.sqrt(diagonal)
     scaled = normal * scale[:, :, None] * scale[:, None, :]
-    right = np.where(outward, 0.0, right)
     step = np.linalg.solve(scaled, (right * scale)[..., None])[..., 0] * scale
     return step, np.sum(step * right, axis=1)
 

@@ -163,7 +163,7 @@ class WhitenedCondition(ByValue):
             k1 += (np.eye(1, terms.shape[-1])[0] if static is None else static) / self.data.k1_std
         return np.concatenate([self.data.whitened(self.whiten, terms), k1], axis=-2)
 
-    @property
+    @cached_property
     def target(self) -> FloatArray:
         """K* and K1 in standard uncertainties (2N + 1,)."""
         k1 = self.data.k1 / self.data.k1_std if self.data.has_k1 else 0.0

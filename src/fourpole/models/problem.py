@@ -160,9 +160,9 @@ class FitProblem(ByValue):
 
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P), from the search variables (B, F)."""
-        values = np.array(self.fixed)
         found = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
-        values[:, self.free] = np.clip(found, self.low, self.high)  # round-off may step over a bound
+        values = self.fixed.copy()
+        values[:, self.free] = np.minimum(np.maximum(found, self.low), self.high)  # round-off may step over a bound
         return values
 
     def place_of(self, values: FloatArray) -> FloatArray:
@@ -182,7 +182,8 @@ class FitProblem(ByValue):
         rows = self.data.whitened(self.whiten, off[..., None])[..., 0]
         if not self.has_k1:
             return rows
-        at_rest = (np.nan_to_num(self.data.k1) - static_stiffness(self.model, values, self.data)) / self._k1_std()
+        k1, weight = self._k1
+        at_rest = (k1 - static_stiffness(self.model, values, self.data)) * weight
         return np.concatenate([rows, at_rest[:, None]], axis=1)
 
     def jacobian(self, place: FloatArray) -> FloatArray:
@@ -194,11 +195,14 @@ class FitProblem(ByValue):
         if not self.has_k1:
             return rows
         at_rest = static_derivative(self.model, values, self.data)[..., self.free]
-        return np.concatenate([rows, (at_rest * unit / self._k1_std()[:, None])[:, None, :]], axis=1)
+        return np.concatenate([rows, (at_rest * unit * self._k1[1][:, None])[:, None, :]], axis=1)
 
-    def _k1_std(self) -> FloatArray:
-        """Standard uncertainty of K1 (B,) [N/m]; infinite where K1 is not known."""
-        return np.where(np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1), self.data.k1_std, np.inf)
+    @cached_property
+    def _k1(self) -> tuple[FloatArray, FloatArray]:
+        """K1 (B,) [N/m] and the inverse of its standard uncertainty; zero where K1 is not known."""
+        known = np.isfinite(self.data.k1_std) & np.isfinite(self.data.k1)
+        k1, std = (np.where(known, one, other) for one, other in ((self.data.k1, 0.0), (self.data.k1_std, np.inf)))
+        return k1, 1.0 / std
 
     @cached_property
     def ends(self) -> tuple[FloatArray, FloatArray]:

@@ -197,7 +197,7 @@ def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[_Key, float]]:
     }
 
     def evaluate(wanted: Mapping[_Key, FloatArray]) -> None:
-        for key, heights in profiles.heights({key: one for key, one in wanted.items() if one.size}).items():
+        for key, heights in profiles.heights({key: one for key, one in wanted.items() if one.size}, rise).items():
             every[key].extend(wanted[key], heights)
 
     for distances in (_NEAR, _FAR):
@@ -285,21 +285,24 @@ class _Profiles:
     def __init__(self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str]) -> None:
         self.fits, self.data, self.model = fits, data, fits[0].model
         self.best = np.stack([one.values for one in fits])
+        self.least = np.array([float(one.chi2) for one in fits])
         self.problem = problem_of(self.model, data, self.best, [*fixed])
         self.at_free = self.problem.free.tolist()
 
-    def heights(self, wanted: Mapping[_Key, FloatArray]) -> dict[_Key, FloatArray]:
-        """Heights (T,) of the profiles at the wanted values (T,) of their parameters."""
+    def heights(self, wanted: Mapping[_Key, FloatArray], rise: float) -> dict[_Key, FloatArray]:
+        """Heights (T,) of the profiles at the wanted values (T,) of their parameters, to find where one is `rise`."""
         if not wanted:
             return {}
-        sizes = [values.size for values in wanted.values()]
+        sizes = np.array([values.size for values in wanted.values()])
         rows = np.repeat([which for which, _, _ in wanted], sizes)
-        least = np.array([float(one.chi2) for one in self.fits])[rows]
-        found = np.sqrt(np.maximum(self._chi2(wanted, rows, sizes) - least, 0.0))
+        found = np.sqrt(np.maximum(self._chi2(wanted, rows, sizes, rise) - self.least[rows], 0.0))
         return dict(zip(wanted, np.split(found, np.cumsum(sizes)[:-1]), strict=True))
 
-    def _chi2(self, wanted: Mapping[_Key, FloatArray], rows: np.ndarray, sizes: Sequence[int]) -> FloatArray:
-        """Least chi-square (R,) for each of the wanted values, over all other parameters."""
+    def _chi2(self, wanted: Mapping[_Key, FloatArray], rows: np.ndarray, sizes: np.ndarray, rise: float) -> FloatArray:
+        """Least chi-square (R,) for each of the wanted values, over all other parameters.
+
+        Where the height is below `rise` at the next value too, one start is enough.
+        """
         starts = np.concatenate([self._gaussian_starts(which, at, values) for (which, at, _), values in wanted.items()])
         at = np.repeat([at for _, at, _ in wanted], sizes)
         pinned = self.problem.free == at[:, None]
@@ -315,19 +318,22 @@ class _Profiles:
             ]
             return np.concatenate([values for values, _ in found]), np.concatenate([squares for _, squares in found])
 
-        every = np.arange(rows.size)
-        lowest, chi2 = least(every, starts)
+        lowest, chi2 = least(np.arange(rows.size), starts)
         if len(self.at_free) - 1 < _FROM_SEVERAL:
             return chi2
-        some = np.flatnonzero(self._uncertain[rows])
-        for start in range(_FRESH if some.size else 0):
-            values, tried = least(some, self._fresh_starts[start][rows[some]])
-            better = tried < chi2[some]
-            chi2[some[better]], lowest[some[better]] = tried[better], values[better]
-        neighbours = np.concatenate([lowest[:1], lowest[:-1]])
-        first = np.cumsum([0, *sizes[:-1]])
-        neighbours[first] = self.best[rows[first]]
-        return np.minimum(chi2, least(every, neighbours)[1])
+        below, ends = chi2 < self.least[rows] + rise**2, np.cumsum(sizes)
+        needed = ~(below & np.roll(below, -1))  # the interval ends beyond the next value
+        needed[ends - 1] = True
+        kept, some = np.flatnonzero(needed), np.flatnonzero(needed & self._uncertain[rows])
+        if some.size:
+            fresh = least(np.tile(some, _FRESH), np.concatenate(self._fresh_starts[:, rows[some]]))
+            for values, tried in zip(*(np.split(one, _FRESH) for one in fresh), strict=True):
+                better = tried < chi2[some]
+                chi2[some[better]], lowest[some[better]] = tried[better], values[better]
+        neighbours = np.roll(lowest, 1, axis=0)
+        neighbours[ends - sizes] = self.best[rows[ends - sizes]]
+        chi2[kept] = np.minimum(chi2[kept], least(kept, neighbours[kept])[1])
+        return chi2
 
     def _gaussian_starts(self, which: int, at: int, values: FloatArray) -> FloatArray:
         """Starts (T, P): conditional means of a normal distribution of the parameters, given values of one of them."""

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from scipy import optimize, special
+import scipy
 
 from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
@@ -106,9 +106,9 @@ def _mixed(weights: FloatArray, each: FloatArray) -> float:
     inside = (LEVELS[-1] - LEVELS[0]) * weights.sum() - weights[0]
 
     def lacking(limit: float) -> float:
-        return float(weights[1:] @ special.erf(limit / each[1:] / np.sqrt(2.0)) - inside)
+        return float(weights[1:] @ scipy.special.erf(limit / each[1:] / np.sqrt(2.0)) - inside)
 
-    return float(optimize.brentq(lacking, 0.0, 10.0 * each[-1]) / NORMAL_95) if inside > 0 else 0.0
+    return float(scipy.optimize.brentq(lacking, 0.0, 10.0 * each[-1]) / NORMAL_95) if inside > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
