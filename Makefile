@@ -71,13 +71,13 @@ $(READY_BENCH): $(READY)
 demo: $(if $(wildcard $(READY)),$(READY),$(READY_DEMO))  ## make the demonstration campaign in ./fourpole-demo and analyse it
 	@$(BIN)/fourpole demo
 
-# Installing waits for the network half of the time, so three things are done at a time; the tests take both cores.
+# Installing waits for the network half of the time, so three things are done at a time, the tests on the lowest versions
+# among them; the tests take both cores.
 test:  ## everything: check, the peers, the tests on the lowest versions, the tests
 	@$(MAKE) --no-print-directory --jobs 3 ready
-	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: bench-install docs strace check lowest-install kernel
+ready: lowest bench-install docs check
 
 # $(call program,COMMANDS,PACKAGES,WHAT NEEDS IT): install packages with apt-get unless one of the commands is there.
 define program
@@ -144,7 +144,7 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 # output of the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many
 # times, which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses
 # and fits of the other tests run. Asserts are plain, as those of `make pytest`.
-lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
+lowest: lowest-install strace kernel  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
 		-W default $(TWO_AT_A_TIME) --assert=plain --first -m "not statistical and not thorough" tests \
 		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools \

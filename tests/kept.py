@@ -68,7 +68,10 @@ def kept(name: str, make: Callable[[Path], object], *arguments: object) -> Path:
 
 
 def user_folders(folder: Path) -> dict[str, str]:
-    """Variables that name folders of a user in a folder; all have one key, by which each trusts what another made."""
+    """Variables that name folders of a user in a folder; all have one key, by which each trusts what another made.
+
+    The list of fonts of matplotlib is shared, too.
+    """
     KEPT.mkdir(parents=True, exist_ok=True)
     with _lock(KEPT / "key.lock"):
         if not (KEPT / "key").exists():
@@ -77,7 +80,8 @@ def user_folders(folder: Path) -> dict[str, str]:
     config.mkdir(mode=0o700, parents=True)
     shutil.copy(KEPT / "key", config / "key")
     (config / "key").chmod(0o600)
-    return {f"XDG_{name}_HOME": str(folder / name.lower()) for name in ("CONFIG", "CACHE")}
+    fonts = {"MPLCONFIGDIR": str(KEPT / "fonts")}  # else each server and each command lists them anew
+    return {f"XDG_{name}_HOME": str(folder / name.lower()) for name in ("CONFIG", "CACHE")} | fonts
 
 
 def _clear() -> None:

@@ -22,7 +22,13 @@ ROOT = Path(__file__).resolve().parents[1]
 #: Beginnings of names of tests whose cases differ in the library that they call.
 LIBRARIES = tuple(f"tests/{place}" for place in ("export/test_kinds", "io/formats", "io/writers", "study/test_formats"))
 #: Pages whose examples take long, each with the n of its mark.
-PAGES = {"docs/how-sure-are-you.md": 3, "docs/which-model.md": 2, "docs/paper-1982.md": 2, "docs/fmu.md": 2}
+PAGES = {
+    "docs/how-sure-are-you.md": 4,
+    **dict.fromkeys(("docs/fmu.md", "docs/which-model.md"), 3),
+    **dict.fromkeys(
+        (f"docs/{name}.md" for name in ("compare", "model-file", "paper-1982", "two-pressures", "twoport")), 2
+    ),
+}
 #: Whether all cases are asked for.
 EVERY = os.environ.get("FOURPOLE_EVERY") == "1"
 

@@ -75,6 +75,15 @@ def test_an_analysis_that_writes_tables_loads_no_models_figures_or_optimizers(be
     assert loaded & NO_ANALYSIS == set()
 
 
+def test_the_app_begins_without_what_draws_and_what_fits():
+    pytest.importorskip("starlette")
+    loaded = loaded_by("import fourpole.served.application")
+    assert {"fourpole.served.pages.explore", "fourpole.models.operating", "starlette"} <= loaded
+    if version("scipy") < "1.16":  # scipy.special of earlier ones loads linalg
+        loaded -= {"scipy.linalg"}
+    assert not loaded & {"matplotlib", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal"}
+
+
 @pytest.mark.parametrize("arguments", ["analyse", "fit", "report", "rig", "query --frequency=10Hz", "check", "verify"])
 @pytest.mark.sampled(2)
 def test_a_missing_file_is_said_before_anything_slow_is_loaded(arguments):

@@ -168,6 +168,7 @@ def test_an_integer_of_many_digits_of_another_base_is_named(run, folder, number)
 
 @pytest.mark.parametrize("stated", ['std_gain = "1000 %"', 'std_phase = "1e4 deg"'])
 @pytest.mark.sampled(2)
+@pytest.mark.usefixtures("without_figures")
 def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, stated):
     path = folder / "campaign.toml"
     text = re.sub(r'std_gain = "[^"]*", std_phase = "[^"]*"', stated, path.read_text(encoding="utf-8"))

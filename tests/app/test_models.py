@@ -44,7 +44,7 @@ def results(run, tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign")
     simulate_campaign(
         folder, tyres=[RADIAL_PLY], pressures=[1.5e5, 2.2e5], preloads=[1000.0, 2000.0],
-        frequencies=[10.0, 13.0, 16.0, 20.0, 24.0],
+        frequencies=[10.0, 16.0, 24.0],
     )  # fmt: skip
     assert run("analyse", folder, "--tables-only").exit_code == 0
     return folder / "results"
@@ -250,11 +250,11 @@ def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
 def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_path):
     """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
     folder = shutil.copytree(two, tmp_path / "results")
-    run("fit", folder, "--model", "zener")
+    run("fit", folder, "--model", "kelvin")
     ran = run("fit", folder, "--model", "spring", "--specimen", "radial-ply", "--out", folder / "model.json")
     assert ran.exit_code == 0, ran.output
     found, _ = models_in(folder)
-    assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "zener"}
+    assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "kelvin"}
 
 
 @pytest.mark.sampled(4)
@@ -277,7 +277,7 @@ def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
 @pytest.mark.sampled(3)
 def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_path, old, new, said):
     folder = shutil.copytree(two, tmp_path / "results")
-    run("fit", folder, "--model", "zener")
+    run("fit", folder, "--model", "kelvin")
     unlisted(folder)
     text = (folder / "model.json").read_text()
     (folder / "model.json").write_text(text.replace(old, new, 1))
@@ -291,7 +291,7 @@ def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_pa
 @pytest.mark.sampled(2)
 def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
-    run("fit", results, "--model", "zener", "--out", folder / "model.json")
+    run("fit", results, "--model", "kelvin", "--out", folder / "model.json")
     ran = run("fit", folder, "--model", "spring", "--specimen", "cross-ply")
     assert "the former model.json is replaced: it is of other results" in told(ran)
     assert list(models_in(folder)[0]) == ["cross-ply"]
@@ -349,7 +349,7 @@ def test_on_a_cam_rig_the_payne_effect_has_no_numbers(run, results, tmp_path):
 
 def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
     if not (results / "map.json").is_file():
-        run("map", results)
+        run("map", results, "--model", "zener")
     ask = ("query", results / "map.json", "--preload", "1400 N", "--frequency", "12,14 Hz", "--out", tmp_path / "k.csv")
     ran = run(*ask, "--pressure", "3 bar")
     assert ran.exit_code == 2

@@ -71,7 +71,7 @@ def preloads(mean):
 
 def turned(passive):
     """Whether a sensor is inverted, by the share of the tests that are passive then."""
-    given = {name: Role(name, name, "N", "force") for name in roles._SYMBOLS}
+    given = {name: Role(name, name, "N", "force") for name in roles.SYMBOLS}
     shares = {"_stiffness": lambda given, shapes: passive if given["force_in"].invert else 0.1, "_passive": float}
     with patch.multiple(roles, **shares):
         return any(role.invert for role in roles._signs(given, [None]).values())

@@ -34,11 +34,11 @@ POINT = {"tyre": "radial-ply", "pressure": "1.9 bar", "frequency": "13.7 Hz"}
 
 @pytest.fixture(scope="module")
 def mapped(server: Server, analysed: Path) -> Iterator[Server]:
-    """The server with three further campaigns: one with a map, one without models, one without results."""
+    """The server with three further campaigns: one with a map of a tyre, one without models, one without results."""
     one, two, bare = folders = [server.root / name for name in ("one", "two", "bare")]
     for folder in (one, two):
         shutil.copytree(analysed, folder)
-    show(run_map(one / "results", "zener", data=DataOptions()), as_json=True)
+    show(run_map(one / "results", "zener", data=DataOptions(tyre=POINT["tyre"])), as_json=True)
     shutil.copytree(analysed, bare, ignore=shutil.ignore_patterns("results"))
     (two / "results" / "model.json").unlink()
     yield server

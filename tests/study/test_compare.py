@@ -31,17 +31,17 @@ def honest(tmp_path_factory):
 
 
 @pytest.fixture
-def campaign(honest, tmp_path):
+def campaign(honest, demodulated_recordings, tmp_path):
     """A copy of the campaign with changes to tests.csv: a function from its rows to nothing."""
 
     def make(change):
         shutil.copytree(honest, tmp_path / "copy")
-        return changed(tmp_path / "copy", change)
+        return changed(tmp_path / "copy", change, demodulated_recordings)
 
     return make
 
 
-def changed(folder, change):
+def changed(folder, change, cache=None):
     """The study of a campaign after changes to tests.csv: a function from its rows to nothing."""
     path = folder / "tests.csv"
     with path.open(newline="") as file:
@@ -51,7 +51,7 @@ def changed(folder, change):
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    return analyse(folder)
+    return analyse(folder, cache=cache)
 
 
 def warned(study):
@@ -64,8 +64,8 @@ def exchange(rows, one, other):
 
 
 @pytest.mark.sampled(2)
-def test_an_honest_campaign_has_no_remark(honest):
-    study = analyse(honest)
+def test_an_honest_campaign_has_no_remark(honest, demodulated_recordings):
+    study = analyse(honest, cache=demodulated_recordings)
     assert warned(study) == {}
     held = study.checks.filter(study.checks["code"] == Code.OFF_CURVE.text)
     assert held["test"].to_list() == study.dynamic["test"].to_list()
@@ -90,11 +90,11 @@ def test_a_wrong_pressure_is_named_and_its_twin_is_innocent(campaign):
 
 @pytest.mark.thorough
 @pytest.mark.sampled(2)
-def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, campaign):
+def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, demodulated_recordings, campaign):
     def wrong(rows):
         rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]
 
-    tables = [study.dynamic for study in (analyse(honest), campaign(wrong))]
+    tables = [study.dynamic for study in (analyse(honest, cache=demodulated_recordings), campaign(wrong))]
     (was, std), (now, _) = (
         table.filter(table["test"] == "D8").select("Re K* [N/m]", "u(Re K*) [N/m]").row(0) for table in tables
     )
@@ -145,8 +145,9 @@ def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
     simulate_campaign(
         tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
     )
-    assert warned(analyse(tmp_path)) == {}
-    remarks = changed(tmp_path, lambda rows: exchange(rows, "S1", "S2")).dynamic["remarks"].to_list()
+    cache = tmp_path / "cache"
+    assert warned(analyse(tmp_path, cache=cache)) == {}
+    remarks = changed(tmp_path, lambda rows: exchange(rows, "S1", "S2"), cache).dynamic["remarks"].to_list()
     assert all("K1 of cross-ply at 1.7 bar and radial-ply at 1.7 bar looks exchanged" in remark for remark in remarks)
 
 

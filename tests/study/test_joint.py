@@ -57,7 +57,7 @@ def errors(study, folder: Path) -> dict[str, np.ndarray]:
 def rough(tmp_path_factory):
     """Sensors known to 3 % and 1 degree, each condition without and with 10 kg; its study."""
     folder = simulated(tmp_path_factory.mktemp("rough"), seed=3, sensors=ROUGH, rig_std=LOOSE, added_masses=(0.0, 10.0))
-    return folder, analyse(folder)
+    return folder, analyse(folder, cache=folder / "cache")
 
 
 @pytest.mark.statistical
@@ -68,11 +68,12 @@ def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     wrong = {"moving_mass": 0.02 * signs[0], "preload_stiffness": 0.02 * signs[1]}
     plan = {"tyres": [CROSS_PLY, RADIAL_PLY], "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=seed, rig_error=wrong, rig_std=LOOSE, **plan)
-    found = errors(analyse(folder), folder)
+    cache = tmp_path / "cache"
+    found = errors(analyse(folder, cache=cache), folder)
     assert len(found["K2 [N/m]"]) == 16
     for column, most in (("K2 [N/m]", 1e-3), ("C [N s/m]", 1.5e-3), ("TR predicted [1]", 5e-4)):
         assert np.median(found[column]) < most, column
-    assert np.median(errors(analyse(folder, route="mobility"), folder)["C [N s/m]"]) > 0.03
+    assert np.median(errors(analyse(folder, route="mobility", cache=cache), folder)["C [N s/m]"]) > 0.03
 
 
 @pytest.mark.sampled(4)
@@ -203,7 +204,7 @@ def test_declared_parts_are_handled(tmp_path):
 def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     weighed = {"calibration_masses": (5.0, 15.0), "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=9, sensors=ROUGH, rig_std=LOOSE, **weighed)
-    study = analyse(folder)
+    study = analyse(folder, cache=tmp_path / "cache")
     blocks = study.dynamic.filter(pl.col("tyre") == "")
     assert blocks.height == 16
     assert set(blocks["verdict"]) == {"ok"}
@@ -213,7 +214,7 @@ def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     found = errors(study, folder)
     assert np.median(found["Re K* [N/m]"]) < 1e-3
     assert max(found[std].max() for _, _, std in PAIRS) < 5.0
-    alone = analyse(folder, route="mobility").dynamic.filter(pl.col("tyre") == "")
+    alone = analyse(folder, route="mobility", cache=tmp_path / "cache").dynamic.filter(pl.col("tyre") == "")
     assert set(alone["verdict"]) == {"warning"}
     assert "serves the joint route only" in alone["remarks"][0]
 
@@ -286,13 +287,13 @@ def test_each_rig_is_found_by_itself(tmp_path):
     rows = (folder / "tests.csv").read_text().splitlines()
     named = [rows[0] + ",rig", *(f"{row},{'north' if i % 2 else 'south'}" for i, row in enumerate(rows[1:]))]
     (folder / "tests.csv").write_text("\n".join(named) + "\n")
-    study = analyse(folder)
+    study = analyse(folder, cache=tmp_path / "cache")
     assert [rig.rig for rig in study.rigs] == ["north", "south"]
     assert study.rig["rig"].unique(maintain_order=True).to_list() == ["north", "south"]
     (folder / "tests.csv").write_text(
         "\n".join([named[0], *(row for row in named[1:] if row.endswith("south"))]) + "\n"
     )
-    alone = analyse(folder).dynamic
+    alone = analyse(folder, cache=tmp_path / "cache").dynamic
     mine = study.dynamic.filter(pl.col("rig") == "south")
     assert mine.select("Re K* [N/m]", "C [N s/m]").equals(alone.select("Re K* [N/m]", "C [N s/m]"))
 
@@ -318,7 +319,7 @@ def test_the_order_of_the_tests_does_not_matter(rough, tmp_path):
     other = shutil.copytree(folder, tmp_path / "other")
     rows = (folder / "tests.csv").read_text().splitlines()
     (other / "tests.csv").write_text("\n".join([rows[0], *rows[:0:-1]]) + "\n")
-    both = study.dynamic.join(analyse(other).dynamic, on="test", suffix=" turned")
+    both = study.dynamic.join(analyse(other, cache=other / "cache").dynamic, on="test", suffix=" turned")
     for column in ("Re K* [N/m]", "Im K* [N/m]", "u(Re K*) [N/m]", "C [N s/m]"):
         np.testing.assert_allclose(both[f"{column} turned"], both[column], rtol=1e-6)
 

@@ -58,7 +58,7 @@ def laboratory(tmp_path_factory):
         frequencies=[10.0, 16.0, 18.0, 24.0],
     ).folder
     truth = pl.read_csv(folder / "truth.csv", infer_schema_length=None)
-    return {route: beside_truth(analyse(folder, route=route), truth) for route in ROUTES}
+    return {route: beside_truth(analyse(folder, route=route, cache=folder / "cache"), truth) for route in ROUTES}
 
 
 def errors(table, name, true=None, std=None):

@@ -14,7 +14,7 @@ from fourpole import quantities as q
 from fourpole.answer import Answer
 from fourpole.app import events
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, note, progress, warn
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
     STATEMENT,
@@ -90,8 +90,7 @@ def _outcome(
     forget(campaign, results)
     inputs = identities(campaign, list(STATEMENT))
     stated = read_campaign(campaign)
-    for doubt in () if silent else stated.doubts:
-        warn(doubt)
+    warn(*(() if silent else stated.doubts))
     inputs |= identities(campaign, _files_of(stated))
     study = _analysed(stated, results, settings["route"], settings["monte_carlo"], options)
     page = _written(study, results, wanted)
@@ -125,11 +124,9 @@ def _outcome(
 def _files_of(campaign: Campaign) -> list[str]:
     """The files that an analysis reads, as tests.csv and campaign.toml name them."""
     channels = [campaign.stated.channels.named(role) for role in CHANNELS]
-    responses = [one.response for one in channels if one is not None and one.response is not None]
-    logo = campaign.stated.report.logo
-    return list(
-        dict.fromkeys([*(test.file for test in campaign.tests if test.file), *responses, *([logo] if logo else [])])
-    )
+    responses = [one.response for one in channels if one is not None]
+    files = (*(test.file for test in campaign.tests), *responses, campaign.stated.report.logo)
+    return list(dict.fromkeys(filter(None, files)))
 
 
 def run_demo(folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: int | None = None) -> Answer:
@@ -190,7 +187,7 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     cache = results / "cache"
     if not is_for_keeping(cache, stated.folder):
-        say(f"note: {cache} is a file or a link, or is led to by one: nothing is kept there for a second run")
+        note(f"{cache} is a file or a link, or is led to by one: nothing is kept there for a second run")
     with _executor(options) as executor, progress("analysing") as advance:
         return analyse(
             stated,
@@ -262,19 +259,17 @@ def _modelled(tables: Study, new: Path, results: Path, obsolete: list[str], want
     sha256 = sha256_of(new / "dynamic.csv", max_bytes=MAX_FILE_BYTES)
     kept = with_models(tables, former, sha256, ["map"])
     kept = replace(kept, models=with_models(tables, former, sha256, ["model"]).models)  # one of other tables goes
-    if tables.dynamic.is_empty() or tables.dynamic[STORAGE.head].null_count() == tables.dynamic.height:
+    empty = tables.dynamic.is_empty() or tables.dynamic[STORAGE.head].is_null().all()
+    seconds = seconds_of_fits(tables.dynamic.height)
+    fits = not empty and (wanted or (wanted is None and kept.models is None and seconds <= _FEW_SECONDS))
+    if empty or fits or kept.models is None:
         obsolete.append("model.json")
-        return kept
-    if wanted or (wanted is None and kept.models is None and seconds_of_fits(tables.dynamic.height) <= _FEW_SECONDS):
+    if fits:
         from fourpole.app.models import fitted
 
-        obsolete.append("model.json")
         return fitted(kept, new)
-    if kept.models is None:
-        obsolete.append("model.json")
-        if tables.dynamic.height:
-            about = f"{seconds_of_fits(tables.dynamic.height):.0f} s"
-            say(f"note: no models (about {about}): fourpole fit {results}, then fourpole report {results}")
+    if kept.models is None and not empty:
+        note(f"no models (about {seconds:.0f} s): fourpole fit {results}, then fourpole report {results}")
     return kept
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, warn
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, more, progress, warn
 from fourpole.app.options import MassOptions
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
@@ -32,8 +32,7 @@ _MOST_OWN = 12
 def run_check(campaign: Path, route: str = "joint", workers: int | None = None) -> Answer:
     """What the analysis would reject; the exit code is the same as that of the analysis."""
     checked = _checked(read_campaign(campaign), route, workers)
-    for doubt in checked.campaign.doubts:
-        warn(doubt)
+    warn(*checked.campaign.doubts)
     code = SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
     parts = [*_list(checked), f"{_counted(checked)}; nothing was analysed or written"]
     return Answer(parts, lambda: _check_document(checked), code=code)
@@ -58,21 +57,16 @@ def _check_document(checked: Checked) -> dict[str, object]:
 def _list(checked: Checked) -> Iterator[Part]:
     """What `analyse` would note, then one row for each kind of problem, with the tests that have it."""
     own = [name for name in checked.campaign.extra_columns if name != DOUBTS]
-    notes = [
-        *checked.notes,
-        *_guessed(checked.campaign),
-        *([f"columns of your own, for the results alone: {first_of(own, _MOST_OWN)}"] if own else []),
-    ]
-    for note in notes:
-        yield f"note: {note}"
+    yield from (f"note: {note}" for note in (*checked.notes, *_guessed(checked.campaign)))
+    if own:
+        yield f"note: columns of your own, for the results alone: {first_of(own, _MOST_OWN)}"
     rows = list(_rows(checked.problems))
     if rows:
         yield ""
         yield Table(
             ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_PROBLEMS]
         )
-        if len(rows) > _MOST_PROBLEMS:
-            yield f"... and {len(rows) - _MOST_PROBLEMS} more; --json lists all"
+        yield from more(rows, _MOST_PROBLEMS, "; --json lists all")
         yield ""
 
 
@@ -126,8 +120,7 @@ def _parts(folder: Path, guess: GuessedCampaign, checked: Checked | None, follow
     for number, doubt in enumerate(guess.doubts, 1):
         yield f"{number:>3}. {doubt.text}"
         yield f"     -> {doubt.remedy}"
-    for question in guess.questions.values():
-        yield f"question: {question}"
+    yield from (f"question: {question}" for question in guess.questions.values())
     yield f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests"
     if checked is not None:
         yield "fourpole check says of them:"
@@ -183,19 +176,13 @@ def _tests(rows: Sequence[Row]) -> Iterator[Part]:
     """A row for each kind, tyre, pressure, preload and added mass, with its number of tests and frequencies."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        cells: tuple[str, ...] = (
-            row.kind,
-            row.tyre,
-            _shown(row.values.get("pressure"), 1e5),
-            _shown(row.values.get("preload"), 1.0),
-            _shown(row.values.get("added_mass"), 1.0),
-        )
-        groups.setdefault(cells, []).append(row)
+        values = ((row.values.get(one.key), one.scale) for one in (q.PRESSURE, q.PRELOAD, q.ADDED_MASS))
+        cells = ("" if value is None else f"{value / scale:.4g}" for value, scale in values)
+        groups.setdefault((row.kind, row.tyre, *cells), []).append(row)
     lines = [(*cells, str(len(members)), _frequencies(members)) for cells, members in groups.items()]
     heads = ("kind", "specimen", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
     yield Table(heads, lines[:_MOST_CONDITIONS], right=heads[2:-1])
-    if len(groups) > _MOST_CONDITIONS:
-        yield f"... and {len(groups) - _MOST_CONDITIONS} more conditions; see tests.csv"
+    yield from more(groups, _MOST_CONDITIONS, " conditions; see tests.csv")
     yield ""
 
 
@@ -203,10 +190,6 @@ def _frequencies(rows: Sequence[Row]) -> str:
     """The different frequencies of some tests; of more than eight, the lowest and the highest."""
     bands = dict.fromkeys(f"{row.band[0]:g} to {row.band[1]:g} Hz" for row in rows if row.band is not None)
     return ", ".join(bands) or spread([row.values.get("frequency") for row in rows], FREQUENCY, "Hz")
-
-
-def _shown(value: float | None, scale: float) -> str:
-    return "" if value is None else f"{value / scale:.4g}"
 
 
 def _channels(guess: GuessedCampaign) -> Iterator[Part]:

@@ -10,7 +10,7 @@ import sys
 import textwrap
 import time
 import traceback
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
@@ -33,6 +33,9 @@ _WIDE = 150
 _BETWEEN, _LONG_WORD, _READABLE, _SHORT = 3, 24, 18, 22
 #: Control characters, which could steer a terminal; line ends and tabs are not among them.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+
+#: Blanks between two columns of a table of plain text.
+GAP = 2
 
 OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143, 70
 #: Time between two lines of progress in a log [s].
@@ -179,6 +182,12 @@ def _least_width(cell: Text, *, whole: bool) -> int:
     return max(min(max(map(len, cell.plain.split()), default=0), _LONG_WORD), min(cell.cell_len, _READABLE))
 
 
+def line_of(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """A line of a table of plain text: its first cell is aligned at the left, the others at the right."""
+    places = enumerate(zip(cells, widths, strict=True))
+    return (" " * GAP).join(cell.rjust(width) if at else cell.ljust(width) for at, (cell, width) in places).rstrip()
+
+
 def counted(count: int, noun: str) -> str:
     """A number with its noun, which has an s in the plural."""
     return f"{count} {noun}{'s' * (count != 1)}"
@@ -214,14 +223,24 @@ def _folded(line: str, width: int) -> str:
     )
 
 
-def say(text: str) -> None:
-    """Print on standard error what is not the result."""
-    _print_marked("", text)
+def say(*texts: str) -> None:
+    """Print on standard error what is not the result, each text on a line of its own."""
+    _print_marked("", *texts)
 
 
-def warn(text: str) -> None:
-    """Print a warning on standard error."""
-    _print_marked("[yellow]warning:[/yellow] ", text)
+def note(*texts: str) -> None:
+    """Print notes on standard error."""
+    _print_marked("note: ", *texts)
+
+
+def warn(*texts: str) -> None:
+    """Print warnings on standard error."""
+    _print_marked("[yellow]warning:[/yellow] ", *texts)
+
+
+def more(texts: Sized, most: int, said: str = "") -> list[str]:
+    """The line that ends a list of which `most` are shown, with what is said of the others; none if all are shown."""
+    return [f"... and {len(texts) - most} more{said}"] if len(texts) > most else []
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
@@ -231,11 +250,12 @@ def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     raise typer.Exit(code)
 
 
-def _print_marked(mark: str, text: str) -> None:
-    """Print a text on standard error after a mark in rich's markup."""
+def _print_marked(mark: str, *texts: str) -> None:
+    """Print texts on standard error, each after a mark in rich's markup."""
     from rich.markup import escape
 
-    _console(stderr=True).print(f"{mark}{escape(without_controls(text))}")
+    for text in texts:
+        _console(stderr=True).print(f"{mark}{escape(without_controls(text))}")
 
 
 def print_json(document: Any, indent: int | None = 2) -> None:

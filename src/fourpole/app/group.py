@@ -18,17 +18,13 @@ from typer.core import TyperCommand, TyperGroup
 
 from fourpole.answer import Answer, Part, Rows, Table
 from fourpole.app import events
-from fourpole.app.console import fail, out, print_json, print_table, say, table_width
+from fourpole.app.console import GAP, fail, line_of, out, print_json, print_table, say, table_width
 
 if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
     from fourpole.quantities import ShownUnits
-
-
-#: Blanks between two columns of a table with remarks.
-_GAP = 2
 
 
 def show(answer: Answer, *, as_json: bool, indent: int | None = 2) -> int:
@@ -65,24 +61,16 @@ def _print_remarked(table: Table) -> None:
     heads, rows = list(table.heads), [[str(cell) for cell in row] for row in table.rows]
     full = [row for row in rows if len(row) > 1]
     widths = [max(map(len, column)) for column in zip(heads, *full, strict=True)]
-    if sum(widths) + _GAP * (len(widths) - 1) > table_width():
+    if sum(widths) + GAP * (len(widths) - 1) > table_width():
         print_table([*heads, table.remark], [[*row, said] for row, said in zip(full, table.remarks, strict=True)])
         return
     remarks = iter(table.remarks)
-    out(_line(heads, widths))
+    out(line_of(heads, widths))
     for row in rows:
-        out(_line(row, widths) if len(row) > 1 else f"\n{row[0]}")
+        out(line_of(row, widths) if len(row) > 1 else f"\n{row[0]}")
         if len(row) > 1:
             out(f"    {next(remarks)}")
     out()
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    first, *others = (
-        cell.rjust(width) if at else cell.ljust(width)
-        for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    )
-    return (" " * _GAP).join([first, *others]).rstrip()
 
 
 def _print_rows(rows: Rows) -> None:

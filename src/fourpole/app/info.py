@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -18,7 +18,7 @@ from rich.cells import cell_len
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import progress, rising, table_width, warn
+from fourpole.app.console import more, progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
 from fourpole.core.digits import number
 from fourpole.core.segments import Segment, labelled
@@ -137,20 +137,18 @@ def _is_long(found: FileInfo) -> bool:
 def _table_in(file: Path) -> list[str]:
     """What a table of K*, of relaxation, or of load and deflection says, by its columns; empty if it is none."""
     options = TableOptions(group=ALL, moduli=True, ratio=True, rig=True)
-    with suppress(TableError, UnitError):
-        return _understood("K* over frequency, for fourpole identify, fit and shift", read_k_star(file, options))
-    with suppress(TableError, UnitError):
-        if (found := read_over_time(file, TableOptions(factor=1.0))) is not None:
-            return _understood("relaxation or creep, for fourpole fit", found)
-    with suppress(TableError, UnitError):
-        return _understood("load and deflection, for fourpole static", read_curve(file))
-    return []
-
-
-def _understood(name: str, found: KStarTable | TimeTable | CurveTable) -> list[str]:
+    tables: dict[str, Callable[[], KStarTable | TimeTable | CurveTable | None]] = {
+        "K* over frequency, for fourpole identify, fit and shift": lambda: read_k_star(file, options),
+        "relaxation or creep, for fourpole fit": lambda: read_over_time(file, TableOptions(factor=1.0)),
+        "load and deflection, for fourpole static": lambda: read_curve(file),
+    }
     no_shape = ("times the modulus", "takes the place")
-    said = [f"  {line}" for line in found.understood if not any(one in line for one in no_shape)]
-    return [f"\na table of {name}:", *said]
+    for name, read in tables.items():
+        with suppress(TableError, UnitError):
+            if (found := read()) is not None:
+                said = [f"  {line}" for line in found.understood if not any(one in line for one in no_shape)]
+                return [f"\na table of {name}:", *said]
+    return []
 
 
 def _is_model(file: Path) -> bool:
@@ -172,8 +170,7 @@ def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Pa
         cycles = (number(one.frequency), number(one.amplitude)) if one.frequency else ("", "")
         rows.append([label, number(one.start), number(one.end), *cycles, number(one.mean)])
     yield Table(heads, rows, heads[1:])
-    if len(segments) > _MOST:
-        yield f"... and {len(segments) - _MOST} more"
+    yield from more(segments, _MOST)
 
 
 def run_convert(
@@ -184,8 +181,7 @@ def run_convert(
     limits = rising(window, "--window", "2..12") if window else None
     with progress("converting") as advance:
         made = convert(file, target, Choice(group, names, limits, kind, force), progress=advance)
-    for sentence in made.lost:
-        warn(sentence)
+    warn(*made.lost)
     return Answer(
         ["\n  ".join([f"{target}: {made.format}", *made.groups])], lambda: {"file": str(target), **asdict(made)}
     )
@@ -194,8 +190,7 @@ def run_convert(
 def _shown(file: Path, found: FileInfo, rows: Sequence[_Row], options: InfoOptions, read: int) -> Iterator[Part]:
     """The file, its channels, and how many of them were read."""
     yield f"{file.name}: {found.format}"
-    for note in found.notes:
-        yield f"  {note}"
+    yield from (f"  {note}" for note in found.notes)
     yield from _print_rows(rows, options)
     if read < len(rows):
         yield f"\nonly the first {read} of {len(rows)} channels were read; name others with --group or --channel"
@@ -235,16 +230,13 @@ def _print_group(rows: Sequence[_Row], layout: _Layout) -> Iterator[Part]:
     notes = {row.info.note for row in rows}
     shared = rows[0].info.note if len(rows) > 1 and len(notes) == 1 else ""
     yield ""
-    for text in rows[0].time_lines():
-        yield text
+    yield from rows[0].time_lines()
     if shared:
         yield f"each: {shared}"
     yield layout.head(quick=rows[0].summary is None)
     for row in rows:
-        for text in layout.lines(row, note=row.info.note != shared):
-            yield text
-        for text in _picture(row, layout.width, dots=layout.dots) if layout.large else ():
-            yield text
+        yield from layout.lines(row, note=row.info.note != shared)
+        yield from _picture(row, layout.width, dots=layout.dots) if layout.large else ()
 
 
 @dataclass(frozen=True)

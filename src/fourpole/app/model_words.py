@@ -8,7 +8,7 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.answer import Part, Table
-from fourpole.app.console import say, warn
+from fourpole.app.console import more, say, warn
 from fourpole.core.digits import number
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
@@ -97,8 +97,8 @@ def _show_parameters(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> I
         yield f"fixed, not fitted: {', '.join(named)}"
     how = "from the covariance" if entry.pressures or shared else "by profile likelihood"
     yield f"{PLUS_MINUS}, below it the 95 % interval {how}; (bound): on a bound, or without influence"
-    if len(entry.conditions) > _MOST_ROWS and len(heads) <= _MOST_COLUMNS:
-        yield f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file"
+    if len(heads) <= _MOST_COLUMNS:
+        yield from more(entry.conditions, _MOST_ROWS, " conditions, in the model file")
     alone = [_condition(one, units) for one in entry.conditions if not one.converged]
     if alone:
         warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
@@ -120,8 +120,7 @@ def _show_down(entry: ModelEntry, places: Sequence[int], units: ShownUnits) -> I
             rows,
             right=("relaxation time [s]", "value", "95 %"),
         )
-    if len(entry.conditions) > _MOST_TABLES:
-        yield f"... and {len(entry.conditions) - _MOST_TABLES} more conditions, in the model file"
+    yield from more(entry.conditions, _MOST_TABLES, " conditions, in the model file")
 
 
 def _is_fixed(entry: ModelEntry, at: int) -> bool:
@@ -205,5 +204,4 @@ def show_row(row: Mapping[str, Any], units: ShownUnits) -> Iterator[Part]:
         name, _, si = head.removesuffix("]").partition(" [")
         yield f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip()
     yield f"{PLUS_MINUS}. {row[INTERVAL]}"
-    for line in lacking(row):
-        say(line)
+    say(*lacking(row))

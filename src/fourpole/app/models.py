@@ -15,7 +15,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.answer import Answer, Part
-from fourpole.app.console import frequencies, option, progress, say, warn
+from fourpole.app.console import frequencies, note, option, progress, say, warn
 from fourpole.app.group import rows_answer
 from fourpole.app.model_words import put_back_shown, show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, Purpose, RigOptions, Selection, answered_in
@@ -126,13 +126,13 @@ def run_fit(results: Path, model: str = "auto", *, options: FitOptions) -> Answe
     if path.is_file() and (answer := _fit_over_time(path, model, options)):
         return answer
     measured = _with_static(_read(path, options, model=model), path, options)
-    _notes(measured)
+    note(*measured.notes)
     with progress("fitting") as advance:
         fixed = _fixed(options.fix or (), model)
         fits = fit_tyres(measured, model, given=fixed, share=options.share or (), progress=advance)
-    laws, note = laws_beside(path, measured.sha256)
-    if note:
-        warn(note)
+    laws, doubt = laws_beside(path, measured.sha256)
+    if doubt:
+        warn(doubt)
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path, measured, options))
     file = _elsewhere(path, made, options.file)
     files = _written(path, measured, made, file, options.figure)
@@ -142,7 +142,7 @@ def run_fit(results: Path, model: str = "auto", *, options: FitOptions) -> Answe
         if any(one.stopped for one in fits):
             raise KeyboardInterrupt  # the exit code says so; what was found is written
 
-    return Answer(_shown(made, files, units_beside(path)), lambda: made.document, then=then)
+    return Answer(_shown(made, units_beside(path)), lambda: made.document, files, then=then)
 
 
 def _fit_over_time(path: Path, model: str, options: FitOptions) -> Answer | None:
@@ -154,22 +154,19 @@ def _fit_over_time(path: Path, model: str, options: FitOptions) -> Answer | None
         return None
     if given := [name for name in _NOT_OVER_TIME if getattr(options, name)]:
         raise UnitError(f"{path.name} is over time: leave out {', '.join(f'--{name}' for name in given)}")
-    for note in made.provenance.notes:
-        say(f"note: {note}")
+    note(*made.provenance.notes)
     if options.file is not None:
         made.write(options.file)
-    files = [] if options.file is None else [options.file]
-    return Answer(_shown(made, files, ShownUnits()), lambda: made.document)
+    files = [] if options.file is None else [("written", options.file)]
+    return Answer(_shown(made, ShownUnits()), lambda: made.document, files)
 
 
-def _shown(made: ModelFile, files: Sequence[Path], wanted: ShownUnits) -> Iterator[Part]:
-    """The content of a model file and the files written."""
+def _shown(made: ModelFile, wanted: ShownUnits) -> Iterator[Part]:
+    """The content of a model file."""
     for entry in made.models:
         yield from show_fit(entry, wanted, shared="share" in made.provenance.settings)
     for one in (*made.models, *made.maps):
         yield from put_back_shown(one.put_back, one.tyre if len(made.tyres) > 1 else "")
-    for place in files:
-        yield f"written: {place}"
 
 
 def fitted(results: Study, folder: Path) -> Study:
@@ -186,12 +183,11 @@ def fitted(results: Study, folder: Path) -> Study:
                 shapes=shapes_in(results.record),
             )
     except ModelError as error:
-        say(f"note: no model was fitted: {error}")
+        note(f"no model was fitted: {error}")
         target.unlink(missing_ok=True)
         return results
     for one in made.models:
-        for said in put_back_shown(one.put_back, one.tyre):
-            say(str(said))
+        say(*map(str, put_back_shown(one.put_back, one.tyre)))
     made.write(target)
     return replace(results, models=made)
 
@@ -201,7 +197,7 @@ def run_causality(results: Path, data: DataOptions) -> Answer:
     path = results_in(results)
     measured = _read(path, data)
     if measured.known:
-        _notes(measured)
+        note(*measured.notes)
     else:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
         measured = _read(path, data, _ASSUMED)
@@ -238,22 +234,21 @@ def _show_verdict(where: str, one: Measured, verdict: Verdict) -> Iterator[Part]
         yield f"  {_contradicting(verdict, one.own.count)}"
         error = 100 * lacking_error(one, verdict)
         yield f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency"
-    for lie in verdict.lies:
-        yield f"  {lie_in_words(lie)}"
+    yield from (f"  {lie_in_words(lie)}" for lie in verdict.lies)
 
 
 def run_map(results: Path, model: str = "auto", *, data: Selection, file: Path | None = None) -> Answer:
     """Make the operating map of each tyre, and write the map."""
     path, chosen = results_in(results), DataOptions(**asdict(data))
     measured = _read(path, chosen, model=model)
-    _notes(measured)
+    note(*measured.notes)
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
     made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path, measured, chosen))
     file = _elsewhere(path, made, file)
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
-    parts = chain(*map(show_map, maps), _shown(made, files, units_beside(path)))
-    return Answer(parts, lambda: made.document, then=lambda: _renew_report(path, file))
+    parts = chain(*map(show_map, maps), _shown(made, units_beside(path)))
+    return Answer(parts, lambda: made.document, files, then=lambda: _renew_report(path, file))
 
 
 def _renew_report(path: Path, file: Path | None) -> Iterator[Answer]:
@@ -291,8 +286,7 @@ def run_query(
     path, asked = model_in(model), Query(frequencies(frequency), state, tyre, above.rig, beyond, purpose=purpose)
     wanted = answered_in(units_beside(path), *state.values())
     rows = ask(read_model_file(path), replace(asked, units=wanted))
-    for remark in dict.fromkeys(row["remarks"] for row in rows if row["remarks"]):
-        warn(remark)
+    warn(*dict.fromkeys(row["remarks"] for row in rows if row["remarks"]))
     frame = pl.DataFrame(rows, infer_schema_length=None)
     if len(rows) == 1 and file is None:
         return Answer(show_row(rows[0], wanted), lambda: {"rows": frame.to_dicts()})
@@ -347,11 +341,6 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
     return found
 
 
-def _notes(measured: MeasuredSet) -> None:
-    for note in measured.notes:
-        say(f"note: {note}")
-
-
 def _stated(path: Path, measured: MeasuredSet, data: DataOptions) -> dict[str, Any]:
     """The rig of the tests, for TR, and the shapes of the specimens; of a single table the shape that options state."""
     from fourpole.study.results import read_results
@@ -371,8 +360,10 @@ def _elsewhere(path: Path, made: ModelFile, file: Path | None) -> Path | None:
     return None if own else file
 
 
-def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:
-    """Write a model file and, where it is asked for, its figures; returns the files written.
+def _written(
+    path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None
+) -> list[tuple[str, Path]]:
+    """Write a model file and, where it is asked for, its figures; returns the files, each after what is said of it.
 
     The model file goes to `file`, or else into the folder of results if there is one, with the entries that the former
     one has of other tyres of the same table. The figures of the folder that show models are deleted: those of the
@@ -390,7 +381,7 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
         written = [place]
     if figure is not None:
         written += _drawn(path, measured, made, figure)
-    return written
+    return [("written", place) for place in written]
 
 
 def _with_others(place: Path, made: ModelFile) -> ModelFile:
@@ -401,7 +392,7 @@ def _with_others(place: Path, made: ModelFile) -> ModelFile:
         warn(f"the former {place.name} is replaced: {error}")
         return made
     if kept := [tyre for tyre in whole.tyres if tyre not in made.tyres]:
-        say(f"note: {place.name} keeps {first_of([units.shown(one) for one in kept], _MOST_NAMED)} of an earlier fit")
+        note(f"{place.name} keeps {first_of([units.shown(one) for one in kept], _MOST_NAMED)} of an earlier fit")
     return whole
 
 

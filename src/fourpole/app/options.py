@@ -367,12 +367,9 @@ class PlanOptions:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class BareRig:
+class BareRig(RigOptions):
     """The options of a plan without a campaign, which states the same itself, in SI; None where not given."""
 
-    mass: float | None = None
-    preload_stiffness: float | None = None
-    preload_damping: float | None = None
     frequency: str | None = None
     preload: float | None = None
     std_rig: float | None = None

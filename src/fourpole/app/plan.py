@@ -11,7 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import frequencies, say
+from fourpole.app.console import frequencies, note, say
 from fourpole.app.group import write_with_figure
 from fourpole.app.options import BareRig, PlanOptions
 from fourpole.campaign import read_campaign
@@ -39,28 +39,21 @@ def run_plan(
     wanted = options.wanted
     advice = [] if wanted is None else [advise(item.plan, wanted, masses=added or MASSES) for item in planned.rigs]
     target = folder if folder is not None or campaign is None else campaign / "plan"
-    files = [] if target is None else _written(frame, make_folder(target), wanted)
-    sheet = options.run_sheet
-    if sheet is not None:
-        files.append(sheet if sheet.suffix else sheet.with_suffix(".csv"))
-        write_table(files[-1], run_sheet(planned, masses=added, repeats=options.repeats, seed=options.seed))
-    seed = None if sheet is None else options.seed
-    return Answer(
-        _show(planned, frame, advice, files, seed), lambda: _document(planned, frame, advice, files, options.seed)
-    )
+    files = [] if target is None else [("written", path) for path in _written(frame, make_folder(target), wanted)]
+    if (sheet := options.run_sheet) is not None:
+        files.append(("run sheet", sheet if sheet.suffix else sheet.with_suffix(".csv")))
+        write_table(files[-1][1], run_sheet(planned, masses=added, repeats=options.repeats, seed=options.seed))
+    document = {"seed": options.seed, "written": [str(path) for _, path in files]}
+    parts = _show(planned, frame, advice, None if sheet is None else options.seed)
+    return Answer(parts, lambda: {**_document(planned, frame, advice), **document}, files)
 
 
-def _show(
-    planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice], files: Sequence[Path], seed: int | None
-) -> Iterator[Part]:
-    """Notes, tables, advice and the files written; the last file is the run sheet if a seed is given."""
-    for note in planned.notes:
-        say(f"note: {note}")
+def _show(planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice], seed: int | None) -> Iterator[Part]:
+    """Notes, tables and advice; `seed` is that of a run sheet, None without one."""
+    note(*planned.notes)
     yield from _show_tables(frame)
     for found in advice_in_words(planned, advice):
         yield from _advice(found)
-    for path in files:
-        yield f"{'run sheet' if path == files[-1] and seed is not None else 'written'}: {path}"
     if seed is not None:
         say(f"random order with seed {seed}; keep the run sheet as tests.csv of the campaign")
 
@@ -127,19 +120,15 @@ def _advice(found: AdviceInWords) -> Iterator[str]:
     if not found.alone:
         return
     yield "each remedy alone:"
-    for way in found.alone:
-        yield f"  {way.mark:<10}  {way.line}"
+    yield from (f"  {way.mark:<10}  {way.line}" for way in found.alone)
     if found.nearest is None:
         yield "remedies that reach it, least effort first:"
-        for way in found.reaching:
-            yield f"  {way.line}"
+        yield from (f"  {way.line}" for way in found.reaching)
     else:
         yield f"no remedy tried reaches it; nearest: {found.nearest.line}"
 
 
-def _document(
-    planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice], files: Sequence[Path], seed: int
-) -> dict[str, Any]:
+def _document(planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice]) -> dict[str, Any]:
     def plain(outcome: Outcome) -> dict[str, Any]:
         return {
             "remedies": [remedy.text for remedy in outcome.remedies],
@@ -165,6 +154,4 @@ def _document(
             }
             for item, found in zip(planned.rigs, advice, strict=False)
         ],
-        "seed": seed,
-        "written": [str(path) for path in files],
     }

@@ -64,8 +64,7 @@ def run_report(results: Study, folder: Path, theme: str, *, png: bool, paper: bo
     """Make figures and report from the tables of a results folder."""
     if pdf:
         browser()  # before the work, so that a missing one is said at once
-    for fault in (*results.faults, *_changed(results, folder)):
-        warn(fault)
+    warn(*results.faults, *_changed(results, folder))
     figures = renew_report(results, folder, Style(theme), png=png, paper=paper, pdf=pdf)
     files = [("report", folder / PAGE), *([("pdf", folder / "report.pdf")] if pdf else [])]
     document = {

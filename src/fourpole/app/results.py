@@ -10,7 +10,7 @@ from typing import Any
 from rich.text import Text
 
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, progress, warn, without_controls
+from fourpole.app.console import OK, SOME_REJECTED, more, progress, warn, without_controls
 from fourpole.app.options import PointOptions, ShapeOptions
 from fourpole.errors import CampaignError
 from fourpole.export import export_results
@@ -78,8 +78,7 @@ def _show_rig(about: RigInWords) -> Iterator[Part]:
 def _listed(heading: str, lines: Sequence[str]) -> Iterator[Part]:
     if lines:
         yield f"{heading}:"
-    for line in lines:
-        yield f"  - {line}"
+    yield from (f"  - {line}" for line in lines)
 
 
 def _print_values(values: Sequence[ShownValue]) -> Iterator[Part]:
@@ -142,8 +141,7 @@ def run_export(
         radius=asked.radius,
         belt=belt_stated(asked.belt_mass, asked.belt_share),
     )
-    for note in exported.notes:
-        warn(note)
+    warn(*exported.notes)
     document = {"kind": kind, "file": str(exported.path), "notes": list(exported.notes)}
     return Answer((), lambda: document, [(kind, exported.path)])
 
@@ -187,8 +185,7 @@ def _show_compared(compared: Comparison) -> Iterator[Part]:
             cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in part[:_MOST]]
             heads = ("condition", "of", *map(_short, compared.names), "difference", "z")
             yield Table(heads, cells, right=heads[2:])
-            if len(part) > _MOST:
-                yield f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html"
+            yield from more(part, _MOST, " with smaller ratios: --out FILE.csv, --page FILE.html")
     yield ""
     yield outcome(compared)
     yield from compared.common
@@ -214,8 +211,7 @@ def run_lab(folder: Path, place: Path | None = None) -> Answer:
     """Gather results into a data set; the exit code is `SOME_REJECTED` if some were not taken."""
     with progress("gathering") as advance:
         made = gather(folder, place, progress=advance)
-    for problem in made.problems:
-        warn(problem)
+    warn(*made.problems)
     code = SOME_REJECTED if made.left_out else OK
     return Answer([_summary(made)], lambda: {**asdict(made), "folder": str(made.folder)}, code=code)
 

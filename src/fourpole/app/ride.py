@@ -101,15 +101,11 @@ def run_ride(models: list[Path], road: str = "C", speed: float | None = None, *,
     notes = list(_notes(asked, found))
     files = _written(options.folder, asked, found, notes) if options.folder is not None else []
     written = {"written": [str(path) for path in files]}
-    return Answer(_shown(asked, found, notes, files), lambda: {**_document(asked, found, notes), **written})
-
-
-def _shown(asked: _Asked, found: RideComparison, notes: Sequence[str], files: Sequence[Path]) -> Iterator[Part]:
-    yield from _show(asked, found)
-    for note in notes:
-        warn(note)
-    for path in files:
-        yield f"written: {path}"
+    return Answer(
+        _show(asked, found, notes),
+        lambda: {**_document(asked, found, notes), **written},
+        [("written", path) for path in files],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +181,8 @@ def _road(text: str, columns: Sequence[str]) -> _Road:
     if not path.is_file():
         raise UnitError(f"--road: {units.shown(text)} is neither a file nor a road: it is {_ROADS}")
     table = read_profile(path, columns=columns)
-    for line in table.understood:
-        say(f"understood {line}")
-    for line in table.warnings:
-        warn(line)
+    say(*(f"understood {line}" for line in table.understood))
+    warn(*table.warnings)
     return _Road(path.name, profile=Profile(table.distance, table.height, path.name))
 
 
@@ -220,9 +214,7 @@ def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:
     Where that is the same, the model or the file is added; what is still the same is numbered.
     """
     columns = [column for one in tyres for column in one.state]
-    differing = [
-        column for column in dict.fromkeys(columns) if len({one.state.get(column) for one in tyres}) > 1
-    ]  # fmt: skip
+    differing = [column for column in dict.fromkeys(columns) if len({one.state.get(column) for one in tyres}) > 1]
     texts = []
     for one in tyres:
         parts = [wanted.setting(column, one.state[column]) for column in differing if column in one.state]
@@ -321,13 +313,13 @@ def _sentences(asked: _Asked, found: RideComparison) -> Iterator[str]:
             yield f"{label} is {less} comfortable than {first}: a_w differs by {with_u(100 * apart, 100 * std)} %"
 
 
-def _show(asked: _Asked, found: RideComparison) -> Iterator[Part]:
-    """The measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
+def _show(asked: _Asked, found: RideComparison, notes: Sequence[str]) -> Iterator[Part]:
+    """The measures with U, the differences from the first tyre, what a constant damper gets wrong, and notes."""
     yield f"Ride: {asked.said}"
     columns = [
         (found.names.index(name), asked.units.of(RIDE_MEASURES[name])) for name in _PRINTED if name in found.names
     ]
-    heads = ["tyre", *(f"{one.symbol or one.name}{_place(one)} [{one.suffix or '1'}]" for _, one in columns)]
+    heads = ["tyre", *(f"{one.symbol or one.name}{_place(one)} [{one.shown}]" for _, one in columns)]
     rows = [
         [label, *(with_u(values[at], std[at], one.scale) for at, one in columns)]
         for label, values, std in zip(asked.labels, found.values, found.std, strict=True)
@@ -360,6 +352,7 @@ def _show(asked: _Asked, found: RideComparison) -> Iterator[Part]:
         )
     ]
     yield Table(head, rows, right=head[1:])
+    warn(*notes)
 
 
 def _signed(value: float) -> str:

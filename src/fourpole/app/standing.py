@@ -25,12 +25,12 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.door import check_name, read_bytes, sha256_of
 from fourpole.io.folders import is_for_keeping, resolved
 from fourpole.io.identity import Identity, identity_of
-from fourpole.io.signature import LENGTH, is_signed, signature
+from fourpole.io.userfolders import SIGNATURE_LENGTH, is_signed, signature
 
 #: The folder of the cache, and the note in it: a JSON object with the signature of its other part.
 _CACHE, _NOTE = "cache", Path("cache", "standing.json")
 _HEAD, _MIDDLE, _END = b'{"signature": "', b'", "note": ', b"}"
-_START = len(_HEAD) + 2 * LENGTH + len(_MIDDLE)
+_START = len(_HEAD) + 2 * SIGNATURE_LENGTH + len(_MIDDLE)
 #: Largest note, which has 200 bytes of a recording, and largest input [byte].
 _LARGEST, _MOST_BYTES = 100_000_000, 64_000_000_000
 #: Programs on which the results depend; one that is not installed counts, too.
@@ -63,8 +63,7 @@ def answer_of(outcome: Outcome, *, stands: bool = False, said: int = 0) -> Answe
     """What an analysis said, as an answer; its first notes are `said` before."""
 
     def parts() -> Iterator[Part]:
-        for note in outcome.notes[said:]:
-            say(note)
+        say(*outcome.notes[said:])
         if stands:
             say("nothing has changed since the last analysis: its results stand")
         yield from outcome.lines
@@ -147,7 +146,7 @@ def _signed_note(campaign: Path, results: Path) -> Any:
     if not is_for_keeping(results / _CACHE, campaign):
         return None
     content = read_bytes(results / _NOTE, max_bytes=_LARGEST, within=results)
-    body, signed = content[_START : -len(_END)], content[len(_HEAD) : len(_HEAD) + 2 * LENGTH]
+    body, signed = content[_START : -len(_END)], content[len(_HEAD) : len(_HEAD) + 2 * SIGNATURE_LENGTH]
     if content != _HEAD + signed + _MIDDLE + body + _END:
         return None
     return json.loads(body) if is_signed(body, bytes.fromhex(signed.decode()), *_purpose(campaign, results)) else None

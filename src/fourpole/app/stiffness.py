@@ -15,7 +15,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, note, progress, say, warn
 from fourpole.app.options import MassOptions, RunOptions, Wanted
 from fourpole.app.standing import STATEMENT, results_of
 from fourpole.campaign import read_campaign
@@ -83,8 +83,7 @@ def run_stiffness(
 
             files.append(("picture", draw_one(study, place, "stiffness", picture, Style())))
         stack.pop_all()  # all is done: the folder stays
-    for note in study.notes:
-        say(f"note: {note}")
+    note(*study.notes)
     code = SOME_REJECTED if Verdict.REJECTED in study.dynamic[q.VERDICT_K.head] else OK
     return Answer(_parts(study, input_mass), lambda: _document(study), files=files, code=code)
 
@@ -140,8 +139,7 @@ def _state(recordings: Sequence[Path], folder: Path, mass: MassOptions, input_ma
         write_text(folder / "campaign.toml", stated.replace("[rig]\n", line, 1))
     for role, one in guess.roles.items():
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
-        for doubt in one.doubts:
-            warn(f"{role}: {doubt}")
+        warn(*(f"{role}: {doubt}" for doubt in one.doubts))
 
 
 def _causes(study: Study) -> list[str]:
@@ -167,7 +165,7 @@ def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:
         ]
         for row, cause in zip(rows, _causes(study), strict=True)
     ]
-    numbers = [f"{one.symbol} [{one.suffix or one.shown}]" for one in (*places, *shown)]
+    numbers = [f"{one.symbol} [{one.shown}]" for one in (*places, *shown)]
     if rows:
         yield Table(["specimen", *numbers, "verdict", "remarks"], cells, numbers)
         yield PLUS_MINUS
@@ -176,13 +174,10 @@ def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:
         mass = input_mass or _ADAPTER
         hertz = sqrt(_TELLING * min(known) / mass) / (2 * pi)
         what = f"{mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz"
-        yield (
-            f"the mass of {what}; it was taken out"
-            if input_mass
-            else (
-                f"between force cell and specimen, a mass that moves is part of K*: {what}; --input-mass takes it out"
-            )
-        )
+        if input_mass:
+            yield f"the mass of {what}; it was taken out"
+        else:
+            yield f"between force cell and specimen, a mass that moves is part of K*: {what}; --input-mass takes it out"
     yield from _static(study)
 
 
@@ -200,7 +195,7 @@ def _static(study: Study) -> Iterator[Part]:
         for row in study.static.to_dicts()
     ]
     if rows:
-        heads = [f"{one.symbol} [{one.suffix or one.shown}]" for one in shown]
+        heads = [f"{one.symbol} [{one.shown}]" for one in shown]
         yield Table(["static test", *heads, "verdict"], rows, heads)
         yield "fourpole static FILE --load gives K1 at another load"
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from textwrap import wrap
 
 from fourpole import quantities as q
+from fourpole.app.console import GAP, line_of, more
 from fourpole.findings.conformity import Decision
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
@@ -15,8 +16,8 @@ from fourpole.report.words.sentence import short_lines
 from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
-#: Width of a terminal, and blanks between columns.
-_WIDTH, _GAP = 80, 2
+#: Width of a terminal.
+_WIDTH = 80
 #: Most rows; the tables have them all.
 _MOST = 15
 #: Lines of the table; conditions that need more are shown as ranges.
@@ -54,7 +55,7 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> 
     ranges = any(low is not high for row in rows for low, high in row.values.values())
     shown, quantities = rows[:most], [units.of(one) for one in _SHOWN]
     alone = len({_cut(row.specimen) for row in rows}) == len(rows) > 1
-    heads = ["", *(f"{one.symbol} [{one.suffix or one.shown}]" for one in quantities)]
+    heads = ["", *(f"{one.symbol} [{one.shown}]" for one in quantities)]
     made = ([_label(row, units, alone=alone), *(_cell(row, one, ranges=ranges) for one in quantities)] for row in shown)
     table = [heads, *made]
     lines = [_title(rows, units, ranges=ranges, alone=alone)]
@@ -65,11 +66,8 @@ def _lines(rows: Sequence[SummaryRow], units: ShownUnits, most: int = _MOST) -> 
             if named != before and not alone:
                 lines.append(" ".join(named.split())[:_WIDTH] if named else "")
             before = named
-            cells = [row[0].ljust(widths[0]), *(row[at].rjust(w) for at, w in zip(part[1:], widths[1:], strict=True))]
-            lines.append((" " * _GAP).join(cells).rstrip())
-    if len(rows) > most:
-        lines.append(f"... and {len(rows) - most} more rows: see the report")
-    return lines
+            lines.append(line_of([row[at] for at in part], widths))
+    return [*lines, *more(rows, most, " rows: see the report")]
 
 
 def _title(rows: Sequence[SummaryRow], units: ShownUnits, *, ranges: bool, alone: bool) -> str:
@@ -140,8 +138,8 @@ def _fitting(table: Sequence[Sequence[str]], used: Sequence[int]) -> list[list[i
     first, *others = used
     parts: list[list[int]] = [[first]]
     for at in others:
-        widths = [max(len(row[one]) for row in table) + _GAP for one in (*parts[-1], at)]
-        if sum(widths) - _GAP > _WIDTH and len(parts[-1]) > 1:
+        widths = [max(len(row[one]) for row in table) + GAP for one in (*parts[-1], at)]
+        if sum(widths) - GAP > _WIDTH and len(parts[-1]) > 1:
             parts.append([first])
         parts[-1].append(at)
     return parts

@@ -14,7 +14,7 @@ import polars.selectors as cs
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, frequencies, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, frequencies, note, progress, say, warn
 from fourpole.app.group import rows_answer, write_with_figure
 from fourpole.app.model_words import put_back_shown
 from fourpole.app.options import RigOptions, SharedErrors, ShiftOptions, TableChoice, answered_in
@@ -98,8 +98,7 @@ def run_identify(
     code = SOME_REJECTED if rejected else OK
     whole = {one.u_head: one.whole_head for one in (q.STORAGE, q.LOSS)}
     answer = rows_answer(frame, file, answered_in(ShownUnits(), k1), whole=whole, code=code)
-    for line in words:
-        say(line)
+    say(*words)
     what = "K2 and C" if k1 is not None else "K*"
     say(f"{len(faults)} rows: {len(faults) - rejected} with {what}, {rejected} rejected, each with its reason")
     if k1 is None:
@@ -160,10 +159,8 @@ def _with_shared(
 
 def _read_as(understood: Iterable[str], remarks: Iterable[str]) -> None:
     """Print how the columns of a table were understood, and what is remarkable."""
-    for line in understood:
-        say(f"understood {line}")
-    for line in remarks:
-        warn(line)
+    say(*(f"understood {line}" for line in understood))
+    warn(*remarks)
 
 
 def _beside(table: KStarTable, found: ReducedResult, rig: Rig | None) -> pl.DataFrame:
@@ -281,8 +278,7 @@ def _static_shown(curve: LoadCurve, tangent: Tangent, secant: Secant, units: Sho
         ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
         ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
     )
-    for head, text in rows:
-        yield f"{head:<16} {text}"
+    yield from (f"{head:<16} {text}" for head, text in rows)
 
 
 def run_predict(
@@ -311,11 +307,9 @@ def run_shift(tables: list[Path], options: ShiftOptions) -> Answer:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
     measured = read_isotherms(tables, apart=_kelvin(options.apart), std=options.std, options=options.table())
     measured = measured.only(options.tyre)
-    for note in measured.notes:
-        if note != NO_STD:
-            say(f"note: {note}")
+    note(*(said for said in measured.notes if said != NO_STD))
     if not measured.known:
-        say("note: the table states no uncertainty of K*: the misfit of the overlaps is taken for it")
+        note("the table states no uncertainty of K*: the misfit of the overlaps is taken for it")
     with progress("shifting") as advance:
         found = shift_tyres(measured, options.reference, vertical=options.vertical, progress=advance)
         back = [shifted_back(one) for one in found]
@@ -405,8 +399,7 @@ def _show(one: TyreShift, constants_at: float | None) -> Iterator[Part]:
     yield "Overlaps of neighbouring isotherms"
     names = ("T [degC]", "decades", "points", "p-value", "K' [%]", "loss factor [%]", "verdict")
     yield Table(names, [_pair(each) for each in one.overlaps], right=names[1:-1])
-    for each in one.choice.laws:
-        yield _law_words(each)
+    yield from map(_law_words, one.choice.laws)
     if len(one.choice.laws) > 1:
         other = one.choice.laws[1].name
         yield (

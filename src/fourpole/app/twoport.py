@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import progress, say, warn
+from fourpole.app.console import note, progress, warn
 from fourpole.app.group import write_with_figure
 from fourpole.campaign import read_campaign
 from fourpole.core.condition import AXES
@@ -39,21 +39,13 @@ def run_twoport(campaign: Path, folder: Path | None = None, workers: int | None 
     with progress("reducing") as advance:
         cache = campaign / "results" / "cache" if (campaign / "results").is_dir() else None
         found, lacks = measure_two_ports(stated, cache=cache, workers=workers, progress=advance)
-    for lack in lacks:
-        warn(f"no four poles of {lack}")
+    warn(*(f"no four poles of {lack}" for lack in lacks))
     known = _masses_of(campaign / "results")
     held = [_against(two_port, known) for two_port in found]
     files = _written(found, stated.stated.title or stated.folder.name, make_folder(folder or campaign / "twoport"))
-    return Answer(
-        _shown(found, held),
-        lambda: {
-            "rows": two_port_table(found).to_dicts(),
-            "lacks": lacks,
-            "masses": held,
-            "written": [str(path) for path in files],
-        },
-        [("written", path) for path in files],
-    )
+    rest = {"lacks": lacks, "masses": held, "written": [str(path) for path in files]}
+    written = [("written", path) for path in files]
+    return Answer(_shown(found, held), lambda: {"rows": two_port_table(found).to_dicts(), **rest}, written)
 
 
 def _shown(found: Sequence[TwoPort], held: Sequence[str]) -> Iterator[Part]:
@@ -103,8 +95,7 @@ def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:
 
 def _show(two_port: TwoPort) -> Iterator[Part]:
     """The poles of one condition, what reciprocity says, and the form that describes them."""
-    for note in two_port.notes:
-        say(f"note: {two_port.name}: {note}")
+    note(*(f"{two_port.name}: {said}" for said in two_port.notes))
     yield two_port.name
     poles = two_port.poles
     values, reach = poles.stiffness.reshape(-1, 4) / 1e3, COVERAGE_FACTOR * poles.std.max(axis=2) / 1e3

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, more, progress, say, warn
 from fourpole.app.model_words import put_back_shown
 from fourpole.errors import FileError, FourpoleError
 from fourpole.findings import findings, findings_table
@@ -151,8 +151,7 @@ def _show_model(path: Path, found: Verified) -> Iterator[Part]:
         yield f"settings  {_in_words(own)}"
     for tyre, settings in list(origin.earlier.items())[:_MOST_SAID]:
         yield f"earlier   {shown(tyre)}: {_in_words(settings)}"
-    for note in origin.notes:
-        yield f"note      {note}"
+    yield from (f"note      {note}" for note in origin.notes)
 
 
 def _in_words(settings: Any) -> str:
@@ -189,13 +188,9 @@ def _show_results(found: VerifiedResults) -> Iterator[Part]:
     by = f"Fourpole {found.made_by}" if found.made_by else "a Fourpole that does not say its version"
     commit = f" (commit {found.commit[:12]})" if found.commit else ""
     yield f"{found.folder}: results of {by}{commit}"
-    yield from _show_files(
-        "inputs", found.inputs, "as it was read", "as they were read", named=found.campaign is not None
-    )
-    yield from _show_files("results", found.results, "as it was written", "as they were written")
-    yield from _show_files(
-        "models", found.models, "as it was written, of these tables", "as they were written, of these tables"
-    )
+    yield from _show_files("inputs", found.inputs, "read", named=found.campaign is not None)
+    yield from _show_files("results", found.results, "written")
+    yield from _show_files("models", found.models, "written, of these tables")
     yield from _show_repeated(found)
     yield ""
     if found.good and found.complete:
@@ -206,13 +201,15 @@ def _show_results(found: VerifiedResults) -> Iterator[Part]:
         yield "Not verified."
 
 
-def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named: bool = True) -> Iterator[Part]:
+def _show_files(head: str, files: Sequence[Proof], done: str, *, named: bool = True) -> Iterator[Part]:
     """The state of all files of a kind in one line, and of each that is not as it was in one more, if `named`."""
     if not files:
         return
     count = Counter(file.state for file in files)
     good = count[Match.SAME]
-    parts = [f"{good} of {counted(len(files), 'file')} {one if good == 1 else many}"] if good else []
+    parts = (
+        [f"{good} of {counted(len(files), 'file')} as {'it was' if good == 1 else 'they were'} {done}"] if good else []
+    )
     parts += [f"{number} {state.value}" for state, number in count.items() if state is not Match.SAME]
     yield f"{head:<10}{', '.join(parts)}"
     for state, text in _WRONG.items() if named else ():
@@ -222,8 +219,7 @@ def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named
 def _warn_of(files: Sequence[Proof], text: str) -> None:
     for file in files[:_MOST_NAMED]:
         warn(file.why if file.why.startswith(f"{file.name}: ") else f"{file.name}: {file.why or text}")
-    if len(files) > _MOST_NAMED:
-        warn(f"... and {len(files) - _MOST_NAMED} more: {text}")
+    warn(*more(files, _MOST_NAMED, f": {text}"))
 
 
 def _show_repeated(found: VerifiedResults) -> Iterator[Part]:
@@ -238,10 +234,8 @@ def _show_repeated(found: VerifiedResults) -> Iterator[Part]:
     parts += [f"{len(bad)} not the same"] if bad else []
     yield f"run again {', '.join(parts)}, by Fourpole {origin().text}"
     for one in bad:
-        for each in one.differences[:_MOST_NAMED]:
-            warn(f"{one.name}: {_sentence(each)}")
-        if len(one.differences) > _MOST_NAMED:
-            warn(f"{one.name}: ... and {len(one.differences) - _MOST_NAMED} more columns")
+        said = [*map(_sentence, one.differences[:_MOST_NAMED]), *more(one.differences, _MOST_NAMED, " columns")]
+        warn(*(f"{one.name}: {sentence}" for sentence in said))
     if bad and found.other_version:
         warn(
             f"the results were written by version {found.made_by or 'unknown'}: the difference may be that of the "
@@ -362,7 +356,8 @@ def run_selftest(file: Path | None = None, laboratory: str = "", operator: str =
     with progress("checking") as advance:
         test = self_test(advance)
     files = _page_written(test, file, laboratory, operator) if file is not None else []
-    return Answer(_show(test, files), lambda: _selftest_document(test, files), code=OK if test.good else SOME_REJECTED)
+    written = [("written", path) for path in files]
+    return Answer(_show(test), lambda: _selftest_document(test, files), written, OK if test.good else SOME_REJECTED)
 
 
 def _page_written(test: SelfTest, page: Path, laboratory: str, operator: str) -> list[Path]:
@@ -374,19 +369,15 @@ def _page_written(test: SelfTest, page: Path, laboratory: str, operator: str) ->
     return [page, table]
 
 
-def _show(test: SelfTest, files: list[Path]) -> Iterator[Part]:
+def _show(test: SelfTest) -> Iterator[Part]:
     rows = [(one.check, str(one.count), shown_share(one.largest), verdict_of(not one.bad)) for one in test.summaries]
     yield Table(_CHECK_HEADS, rows, right=_CHECK_HEADS[1:3])
     bad = [one for one in test.values if not one.good]
-    for one in bad[:_MOST_FAILED]:
-        warn(f"{one.check}: {one.function}, {one.value}: {_difference(one)}")
-    if len(bad) > _MOST_FAILED:
-        warn(f"... and {len(bad) - _MOST_NAMED} more")
+    warn(*(f"{one.check}: {one.function}, {one.value}: {_difference(one)}" for one in bad[:_MOST_FAILED]))
+    warn(*more(bad, _MOST_FAILED))
     yield ""
     passed = f"{len(test.values)} values, all pass" if test.good else f"{len(bad)} of {len(test.values)} values fail"
     yield f"Fourpole {test.origin.text}: {passed}"
-    for path in files:
-        yield f"written: {path}"
 
 
 def _difference(one: Compared) -> str:
@@ -403,11 +394,7 @@ def _selftest_document(test: SelfTest, files: list[Path]) -> dict[str, Any]:
         "good": test.good,
         "fourpole": test.origin.record,
         "when": test.when.isoformat(timespec="seconds"),
-        "machine": test.machine,
-        "system": test.system,
-        "python": test.python,
-        "packages": test.packages,
-        "sha256": test.sha256,
+        **{name: getattr(test, name) for name in ("machine", "system", "python", "packages", "sha256")},
         "checks": [
             {"check": one.check, "values": one.count, "failed": one.bad, "largest": one.largest}
             for one in test.summaries

@@ -253,16 +253,11 @@ def doubtful_values(columns: Sequence[Column], tests: Sequence[Test]) -> Iterato
         scale = 1.0 if name == "temperature" else units.unit_scale(unit, column.kind)
         numbers = [size / scale for size in sizes]
         least, most = _USUAL[name]
-        meant = (other for other in _MEANT[name] if least <= _as_if(numbers[0], other, column.kind) <= most)
-        likely = next(meant, None)
+        meant = ((other, units.to_si(numbers[:1], other, column.kind)[0]) for other in _MEANT[name])
+        likely = next((other for other, value in meant if least <= value <= most), None)
         hint = f"if {likely} is meant, write '{name} [{likely}]'" if likely else "check its unit"
         span = f"{numbers[0]:.4g}" if numbers[0] == numbers[-1] else f"{numbers[0]:.4g} to {numbers[-1]:.4g}"
         yield f"tests.csv: column {units.shown(column.label)} states {span} {unit}: is that so? {hint}"
-
-
-def _as_if(value: float, unit: str, kind: str) -> float:
-    """SI value of a number in another unit."""
-    return float(units.to_si([value], unit, kind)[0])
 
 
 def _checked_together(
@@ -378,11 +373,8 @@ def _tests(tests: list[Test], stated: CampaignFile) -> list[Test]:
     for fault in _same_names(tests):
         raise CampaignError(fault)
     pulled = {test.tyre for test in tests if not test.faults and test.values.get("preload", 1.0) <= 0}
-    fixed = {
-        name
-        for name, specimen in stated.all_specimens.items()
-        if specimen.fixed or (specimen.fixed is None and name in pulled)
-    }
+    specimens = stated.all_specimens.items()
+    fixed = {name for name, one in specimens if (name in pulled if one.fixed is None else one.fixed)}
     return [replace(test, fixed=True) if test.tyre in fixed else test for test in tests]
 
 

@@ -274,24 +274,16 @@ def doubtful_uncertainties(
     channels: Mapping[str, ChannelFile], rigs: Mapping[str, Mapping[str, Stated]]
 ) -> Iterator[str]:
     """Standard uncertainties so large that another number was probably meant; equal ones of channels together."""
-    gains: dict[float, list[str]] = {}
-    phases: dict[float, list[str]] = {}
-    for role, channel in channels.items():
-        if channel.std_gain is not None and channel.std_gain > _MOST_RATIO:
-            gains.setdefault(channel.std_gain, []).append(role)
-        if channel.std_phase is not None and channel.std_phase > _MOST_PHASE:
-            phases.setdefault(channel.std_phase, []).append(role)
-    for ratio, roles in gains.items():
-        likely = f' A number alone is a ratio: if {ratio:g} % is meant, write "{ratio:g} %".' if ratio >= 1 else ""
-        yield (
-            f"{_of(roles, 'std_gain')} is {100 * ratio:g} %, as if {_sensors(roles)} not calibrated: "
-            f"is that so?{likely}"
-        )
-    for angle, roles in phases.items():
-        yield (
-            f"{_of(roles, 'std_phase')} is {np.degrees(angle):.3g} degrees, as if {_sensors(roles)} not calibrated: "
-            "is that so?"
-        )
+    for key, most in (("std_gain", _MOST_RATIO), ("std_phase", _MOST_PHASE)):
+        alike: dict[float, list[str]] = {}
+        for role, channel in channels.items():
+            if (std := getattr(channel, key)) is not None and std > most:
+                alike.setdefault(std, []).append(role)
+        for std, roles in alike.items():
+            size = f"{100 * std:g} %" if key == "std_gain" else f"{np.degrees(std):.3g} degrees"
+            likely = f' A number alone is a ratio: if {std:g} % is meant, write "{std:g} %".'
+            hint = likely if key == "std_gain" and std >= 1 else ""
+            yield f"{_of(roles, key)} is {size}, as if {_sensors(roles)} not calibrated: is that so?{hint}"
     for name, rig in rigs.items():
         for part in _WEIGHED:
             weighed = rig.get(part)

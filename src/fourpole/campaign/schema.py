@@ -163,6 +163,7 @@ class SpecimenFile(BaseModel):
             )
         if self.mass_spread is not None and self.belt_mass is None and self.specimen_mass is None:
             raise ValueError("mass_spread says where a mass is: state specimen_mass or belt_mass too")
+        shape_of(self.model_extra or {})
         return self
 
     def body(self, share: float) -> Body:
@@ -175,11 +176,6 @@ class SpecimenFile(BaseModel):
         if self.specimen_mass is None:
             return Body(share=share)
         return Body.weighed(self.specimen_mass.value, share, self.mass_spread)
-
-    @model_validator(mode="after")
-    def _check_shape(self) -> SpecimenFile:
-        shape_of(self.model_extra or {})
-        return self
 
 
 def _axis(raw: Any) -> Axis:
@@ -281,14 +277,10 @@ class CampaignFile(File):
     report: ReportFile = ReportFile()
 
     @model_validator(mode="after")
-    def _once(self) -> CampaignFile:
+    def _whole(self) -> CampaignFile:
         twice = sorted(self.tyres.keys() & self.specimens.keys())
         if twice:
             raise ValueError(f"{units.shown(twice[0])} is both under [tyres] and [specimens]: keep one of them")
-        return self
-
-    @model_validator(mode="after")
-    def _springs(self) -> CampaignFile:
         for name, rig in {"": self.rig, **self.rigs}.items():
             if rig is not None and rig.unstated_springs and self.channels.force_in is not None:
                 raise ValueError(

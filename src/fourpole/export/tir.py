@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
@@ -156,7 +156,7 @@ def vertical(stiffness: FloatArray, load: FloatArray, pressure: FloatArray, nomi
         return Vertical(float(k0), departure=float(np.max(np.abs(stiffness / k0 - 1))))
     low, high = np.array([-50.0, -50.0])[free], np.array([1.0, 50.0])[free]
     wanted = stiffness / k0
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda values: tangent(values) / wanted - 1, np.zeros(len(free)), bounds=(low, high), xtol=1e-14
     )
     both = np.zeros(2)

@@ -26,17 +26,13 @@ _STRANGE = 1.0
 _LOSS, _CLEARLY = 0.1, 0.5
 #: Departure of a sensor from another one up to which both are on one part [1]; the mass may tilt.
 _FOLLOWS = 0.3
+_ONLY = "only so K* is positive and much the same at all frequencies"
 #: What is changed, as a doubt, by whether the columns are exchanged and one sensor is turned.
 _CHANGES = {
     (False, False): "",
-    (
-        True,
-        False,
-    ): "V1 and V2 are exchanged against what the names say: only so K* is positive and much the same at all "
-    "frequencies",
-    (False, True): "its sign is turned: only so K* is positive and much the same at all frequencies",
-    (True, True): "V1 and V2 are exchanged against what the names say, and the sign of one is turned: only so K* is "
-    "positive and much the same at all frequencies",
+    (True, False): f"V1 and V2 are exchanged against what the names say: {_ONLY}",
+    (False, True): f"its sign is turned: {_ONLY}",
+    (True, True): f"V1 and V2 are exchanged against what the names say, and the sign of one is turned: {_ONLY}",
 }
 _MASS = (
     "rig: no force is recorded, so K* follows from the mass behind the specimen, which is stated nowhere",
@@ -128,11 +124,7 @@ def _apart(one: str, other: str, shapes: Sequence[SignalShape]) -> float:
 
 def _ratios(near: Role, far: Role, shapes: Sequence[SignalShape]) -> tuple[FloatArray, ComplexArray]:
     """Frequencies [Hz] and V2 over V1 of the tests that have both."""
-    frequency, v1, v2 = (
-        np.array([shape.frequency for shape in shapes]),
-        phasors_of(near, shapes),
-        phasors_of(far, shapes),
-    )
+    frequency, v1, v2 = np.array([one.frequency for one in shapes]), phasors_of(near, shapes), phasors_of(far, shapes)
     known = np.isfinite(frequency) & np.isfinite(v1 * v2) & (v1 != 0) & (v2 != 0) & (v1 != v2)
     return frequency[known], v2[known] / v1[known]
 

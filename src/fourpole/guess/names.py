@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
+from fourpole.core.rig import PARAMETERS
 from fourpole.errors import UnitError
 from fourpole.words import vocabulary
 from fourpole.words.heads import kind_of_unit
@@ -24,11 +25,6 @@ _NAMES = vocabulary()["names"]
 def words(text: str) -> frozenset[str]:
     """The words of a text as a set."""
     return frozenset(text.split())
-
-
-def _patterns(patterns: Mapping[str, str]) -> tuple[tuple[str, re.Pattern[str]], ...]:
-    """Names with their compiled patterns, in the given order."""
-    return tuple((what, re.compile(pattern)) for what, pattern in patterns.items())
 
 
 #: Endings of file names that identify a format; any other text behind a dot is part of the name.
@@ -49,7 +45,7 @@ STATES = words(_NAMES["states"])
 #: Constructions, each by a part of a tyre's name that identifies it.
 CONSTRUCTIONS: tuple[tuple[str, str], ...] = tuple((part, name) for part, name in _NAMES["constructions"])
 #: Meanings of the key of a line "key: value" in a header, by patterns; the first matching pattern has priority.
-IN_HEADERS = _patterns(_NAMES["headers"])
+IN_HEADERS = tuple((what, re.compile(pattern)) for what, pattern in _NAMES["headers"].items())
 
 
 AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
@@ -57,15 +53,8 @@ AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of
 CONDITIONS = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE, AMPLITUDE)
 #: Kind of quantity of each condition and of each value of the rig.
 KINDS_OF = {
-    "pressure": "pressure",
-    "preload": "force",
-    "frequency": "frequency",
-    "temperature": "temperature",
-    "added_mass": "mass",
-    "amplitude": "displacement",
-    "moving_mass": "mass",
-    "preload_stiffness": "stiffness",
-    "preload_damping": "damping",
+    what: units.channel_scale(unit, units.KINDS)[0]
+    for what, unit in ({one.key: one.unit for one in CONDITIONS} | PARAMETERS).items()
 }
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
@@ -168,6 +157,11 @@ class RecordingConditions:
     def doubt(self, about: str, text: str) -> None:
         """Add a doubt on a subject."""
         self.doubts.append((about, text))
+
+    def forget(self, *whats: str) -> None:
+        """Remove some values, and the doubts on them."""
+        self.values = {what: value for what, value in self.values.items() if what not in whats}
+        self.doubts = [doubt for doubt in self.doubts if doubt[0] not in whats]
 
     def assume_tyre(self, name: str, text: str) -> None:
         """Set the name of the tyre, and add the doubt on it."""

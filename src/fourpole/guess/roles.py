@@ -14,7 +14,9 @@ import numpy as np
 
 from fourpole import units
 from fourpole.core.arrays import FloatArray
+from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import DERIVATIVES
+from fourpole.core.routes import relative_route
 from fourpole.guess.signals import SignalShape
 from fourpole.units import MOTIONS, shown
 from fourpole.words import vocabulary
@@ -32,7 +34,6 @@ _DYNAMIC_UNITS = {
     "acceleration": ("m/s^2", "m/s^2", 0.0),
     "displacement": ("mm", "m", 0.02),
 }
-_SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 #: Share of the tests that must be passive with a channel inverted, or it is not inverted [1].
 _MOST = 0.9
 #: Likely range of |K*| over the static stiffness.
@@ -366,13 +367,8 @@ def drive_role(tests: Sequence[Sequence[Column]], shapes: Sequence[SignalShape])
         return None
     best = max(moving, key=lambda one: (is_command(one.name), one.likely))
     word = "" if is_command(best.name) else "known by the word drive alone: check that it is the command signal"
-    return Role(
-        "drive",
-        best.name,
-        best.unit,
-        "drive",
-        doubts=tuple(filter(None, (word, _several([one for one in moving if one is not best])))),
-    )
+    doubts = filter(None, (word, _several([one for one in moving if one is not best])))
+    return Role("drive", best.name, best.unit, "drive", doubts=tuple(doubts))
 
 
 def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:
@@ -411,17 +407,17 @@ def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, R
         return {**roles, "force_in": roles["force_in"].doubted(doubt)}
     doubt = (
         "its sign is turned: only so the specimen's stiffness and loss are positive "
-        f"(or {_SYMBOLS[best]} and another one are meant)"
+        f"(or {SYMBOLS[best]} and another one are meant)"
     )
     return {**roles, best: replace(roles[best], invert=True).doubted(doubt)}
 
 
 def _stiffness(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> np.ndarray:  # type: ignore[type-arg]
     """K* of each test by the relative route [N/m]."""
-    force, near, far = (phasors_of(roles[role], shapes) for role in _SYMBOLS)
+    force, near, far = (phasors_of(roles[role], shapes) for role in CHANNELS)
     omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
     with np.errstate(all="ignore"):
-        return np.asarray(1j * omega * force / (near - far))
+        return relative_route(force, near, far, omega)
 
 
 def _passive(stiffness: np.ndarray) -> float:  # type: ignore[type-arg]
@@ -457,7 +453,7 @@ def force_scale(
 ) -> float:
     """Median |K*| by the relative route over the slope of the static curves [1]: 1 to 3 if the units are right."""
     shapes = _sinusoids(shapes)
-    if not _SYMBOLS.keys() <= roles.keys() or len(static) < 2 or not shapes or not curves:
+    if not SYMBOLS.keys() <= roles.keys() or len(static) < 2 or not shapes or not curves:
         return float("nan")
     load, deflection = static["load"], static["deflection"]
     scale = abs(channel_scale(load) / channel_scale(deflection))

@@ -190,12 +190,11 @@ def _consecutive(texts: Sequence[str]) -> bool:
 
 def _number_repeats(tests: Sequence[_Test], values: Sequence[str], listed: str) -> None:
     """Take the numbers as those of repeats."""
+    doubt = f"the numbers {listed} of their names are taken as repeats: or are they specimens?"
     for (_, conditions), value in zip(tests, values, strict=True):
         if value and not conditions.repeat:
             conditions.repeat = value
-            conditions.doubt(
-                "tyre", f"the numbers {listed} of their names are taken as repeats: or are they specimens?"
-            )
+            conditions.doubt("tyre", doubt)
 
 
 def _add(tests: Sequence[_Test], values: Sequence[str], doubt: str) -> None:

@@ -227,8 +227,7 @@ class _Together:
         """Set the frequency of a dynamic test; that of its signals has priority over the stated one."""
         one = self.recordings[index]
         if self.kinds[index] not in ("dynamic", "calibration"):
-            conditions.values.pop("frequency", None)
-            conditions.doubts = [doubt for doubt in conditions.doubts if doubt[0] != "frequency"]
+            conditions.forget("frequency")
             self._band(index, conditions)
             return
         conditions.band = None
@@ -239,9 +238,8 @@ class _Together:
             return
         conditions.values["frequency"] = float(f"{found:.4g}")
         if stated is not None and (one.rate is None or abs(stated - one.rate) > 1e-3 * one.rate):
-            conditions.doubt(
-                "frequency", f"{stated:g} Hz is stated, the recording shows {found:.4g} Hz, which is taken"
-            )
+            text = f"{stated:g} Hz is stated, the recording shows {found:.4g} Hz, which is taken"
+            conditions.doubt("frequency", text)
 
     def _band(self, index: int, conditions: RecordingConditions) -> None:
         """Set the band of a random recording or a sweep: the stated one, else that of its signals."""
@@ -286,11 +284,7 @@ class _Together:
     def _only_dynamic(self, index: int, conditions: RecordingConditions) -> None:
         """Remove from a static test the conditions of dynamic tests, if the folder has dynamic tests."""
         if self.kinds[index] == "static" and set(DYNAMIC_KINDS) & set(self.kinds):
-            for what in ("preload", "added_mass", "amplitude"):
-                conditions.values.pop(what, None)
-            conditions.doubts = [
-                doubt for doubt in conditions.doubts if doubt[0] not in ("preload", "added_mass", "frequency")
-            ]
+            conditions.forget("preload", "added_mass", "amplitude")
 
     def _condition_doubts(self, conditions: Sequence[RecordingConditions]) -> None:
         """Add doubts on conditions that are not known, then those on single tests, joined by subject."""

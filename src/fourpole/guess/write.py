@@ -173,19 +173,12 @@ def comment(text: str) -> str:
 def campaign_toml(guess: GuessedCampaign) -> str:
     """The text of campaign.toml."""
     statics = sum(row.kind == "static" for row in guess.rows)
-    head = (
-        f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static; correct what is wrong"
-    )
+    made = f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static"
     files = "".join(_doubts(guess, about) for about in ("files", "names"))
-    parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess)]
-    asked = guess.questions.get("added_mass")
-    parts += [
-        WORDS["questions"] if guess.moving else "",
-        comment(f"question: {asked}") if asked else "",
-        *_tyres(guess),
-    ]
-    parts += [WORDS["report"]]
-    return "\n".join(part for part in parts if part)
+    head = comment(f"{made}; correct what is wrong") + files + f"title = {quoted(guess.title)}\n"
+    questions, asked = WORDS["questions"] if guess.moving else "", guess.questions.get("added_mass")
+    parts = [head, _rig(guess), _channels(guess), questions, comment(f"question: {asked}") if asked else ""]
+    return "\n".join(filter(None, [*parts, *_tyres(guess), WORDS["report"]]))
 
 
 def _doubts(guess: GuessedCampaign, about: str) -> str:

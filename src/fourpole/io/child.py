@@ -251,25 +251,17 @@ def _error(kind: str, text: str, site: str) -> Exception:
     return error
 
 
-def answer_of(
-    function: Callable[..., Any],
-    *args: Any,
-    size: int = 0,
-    seconds: float | None = None,
-    spare: int = 0,
-    progress: Progress | None = None,
-) -> bytes:
+def answer_of(function: Callable[..., Any], *args: Any, **settings: Any) -> bytes:
     """The answer of this thread's worker, see `Child.call`; after a death another worker is asked once.
 
     Died if there is no answer.
     """
-    limit = SECONDS if seconds is None else seconds
     try:
-        return child().call(function, *args, size=size, seconds=limit, spare=spare, progress=progress)
+        return child().call(function, *args, **settings)
     except Late:
         raise
     except Died:
-        return child().call(function, *args, size=size, seconds=limit, spare=spare, progress=progress)
+        return child().call(function, *args, **settings)
 
 
 def is_guarded(kind: Format, size: int) -> bool:

@@ -7,7 +7,7 @@ import re
 import sys
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import date
 from typing import BinaryIO
@@ -20,16 +20,12 @@ from fourpole.errors import TableError
 from fourpole.io.clock import Clock
 from fourpole.io.door import open_regular
 from fourpole.io.layout import Layout, check_even, find_column, find_layout, holds_numbers, plain_layout, split_lines
-from fourpole.io.rows import Piece, Table, Values, length, line_start, parts, whole_lines
+from fourpole.io.rows import Piece, Table, Values, length, line_end, line_start, parts, whole_lines
 from fourpole.io.source import AnyPath, as_utf8, encoding_of, name_of
 from fourpole.io.stretches import Stretch, stretches_of
 
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.
 _HEAD, _LARGEST_HEAD = 32_768, 4_000_000
-#: Bytes at the end of a file in which blank lines are counted.
-_TAIL = 4096
-#: Bytes that are read at a time to count lines: they stay in the processor's cache.
-_BLOCK = 1 << 18
 _SLASHED = re.compile(rb"(?<![0-9])([0-9]{1,2})/([0-9]{1,2})/([0-9]{4})[T ]")
 
 
@@ -79,17 +75,14 @@ def survey_tables(
         stretches = stretches_of(source, start, mark, encoding, name)
         if len(stretches) > 1 or any(len(one.pieces) > 1 or one.repeats for one in stretches):
             return stretches, False, written
-        try:
+        with suppress(TableError) if stretches else nullcontext():
             layout, above = _layout(start, encoding, name)
-        except TableError:
-            if not stretches:
-                raise
-            return stretches, False, written
-        if stretches and stretches[0].layout.first_row != layout.first_row:
-            return stretches, False, written
-        rows = stretches[0].rows if stretches else _row_count(source, start, layout.first_row)
-        rest = Piece(layout.first_row, line_start(start, layout.first_row), source.seek(0, os.SEEK_END), rows)
-        return [Stretch("", layout, above, (rest,))], True, written
+            begin = line_start(start, layout.first_row)
+            if not stretches or stretches[0].layout.first_row == layout.first_row:
+                rows = stretches[0].rows if stretches else _row_count(source, start, begin, name)
+                rest = Piece(layout.first_row, begin, source.seek(0, os.SEEK_END), rows)
+                return [Stretch("", layout, above, (rest,))], True, written
+        return stretches, False, written
 
 
 def read_columns(
@@ -172,15 +165,11 @@ def _layout(start: bytes, encoding: str, name: str) -> tuple[Layout, tuple[str, 
     return layout, tuple(line for number, line in above if number != layout.header_line)
 
 
-def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
-    """Number of lines from the first row on, without blank lines at the end."""
-    ending = b"\n" if b"\n" in start else b"\r"
-    file.seek(line_start(start, first_row))
-    count, last = 0, ending
-    while block := file.read(_BLOCK):
-        count += int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ending[0]))
-        last = block[-1:]
-    return max(count + (last != ending) - _blank_lines_at_end(file, ending), 0)
+def _row_count(file: BinaryIO, start: bytes, begin: int, name: str) -> int:
+    """Number of lines from a byte on, without blank lines at the end."""
+    ending = line_end(start)
+    file.seek(begin)
+    return sum(part.count(ending) + (not part.endswith(ending)) for part in whole_lines(file, ending, name))
 
 
 def _head(file: BinaryIO, name: str) -> bytes:
@@ -265,7 +254,7 @@ def _is_day_first(source: BinaryIO, start: bytes, layout: Layout, name: str) -> 
         return True
     source.seek(offset)
     found: set[tuple[bytes, ...]] = set()
-    for part in whole_lines(source, b"\n" if b"\n" in start else b"\r", name):
+    for part in whole_lines(source, line_end(start), name):
         found.update(_SLASHED.findall(part))
     dates = [tuple(map(int, one)) for one in found]
     return _likely((y, m, d) for d, m, y in dates) >= _likely((y, m, d) for m, d, y in dates)
@@ -300,16 +289,4 @@ def _cut(parts: Iterator[Values], rows: int) -> Iterator[Values]:
 
 
 def _joined(parts: list[Values]) -> Values:
-    if len(parts) == 1:
-        return parts[0]
-    return {index: np.concatenate([part[index] for part in parts]) for index in (parts[0] if parts else ())}
-
-
-def _blank_lines_at_end(file: BinaryIO, ending: bytes) -> int:
-    """Number of blank lines at the end of the file, as far as its last bytes show them."""
-    size = file.seek(0, os.SEEK_END)
-    file.seek(max(0, size - _TAIL))
-    lines = file.read().split(ending)
-    if not lines[-1]:
-        lines.pop()
-    return next((count for count, line in enumerate(reversed(lines)) if line.strip()), 0)
+    return parts[0] if len(parts) == 1 else {index: np.concatenate([one[index] for one in parts]) for index in parts[0]}

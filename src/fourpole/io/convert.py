@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -16,8 +16,8 @@ from fourpole.errors import FileError, RecordingError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
-from fourpole.io.signals import FileInfo, Progress, Signal
-from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
+from fourpole.io.signals import FileInfo, Progress, Signal, SignalInfo
+from fourpole.io.stream import Chunk, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside, why
 from fourpole.io.writers import CSV, MDF, PARQUET, Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
@@ -152,7 +152,9 @@ def _convert(source: Path, target: Path, new: Path, choice: Choice, *, progress:
     places = places if choice.channels else _readable(source, found, places, remarks)
     run = surveyed_stream(source, found, places, label=source.name)
     first = next(iter(run.chunks))
-    plan = _Plan(found, places, run, first, choice, remarks, source.name)
+    channels = [(found.signals[place], signal) for place, signal in zip(places, first, strict=True)]
+    clocks = {places.index(at) for one, at in run.clocks.items() if at != one and at in places}
+    plan = _Plan(channels, clocks, choice, remarks, source.name)
     _check_groups(target, writer, plan.groups)
     if writer.one_table and plan.groups[0].name and len(plan.groups) == 1:
         remarks.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
@@ -226,35 +228,27 @@ class _Plan:
 
     def __init__(
         self,
-        found: FileInfo,
-        places: Sequence[int],
-        run: Stream,
-        first: Sequence[Signal],
+        channels: Sequence[tuple[SignalInfo, Signal]],
+        clocks: Collection[int],
         choice: Choice,
         remarks: Remarks,
         label: str,
     ) -> None:
-        self._window, self._label = choice.window, label
-        self.total = sum(found.signals[place].count for place in places)
-        clocks = {run.clocks[one] for one in places if run.clocks.get(one, one) != one}
-        columns = [at for at, place in enumerate(places) if place not in clocks]
-        bases: list[list[int]] = []
-        for at in columns:
-            base = next((one for one in bases if _together(found, places, first, one[0], at)), None)
-            if base is None:
-                bases.append(base := [])
-            base.append(at)
-        self._members = bases
-        self.groups = [self._group(found, places, first, base, remarks) for base in bases]
+        self._window, self._remarks, self._label = choice.window, remarks, label
+        self.total = sum(info.count for info, _ in channels)
+        bases: dict[object, list[int]] = {}
+        for at, channel in enumerate(channels):
+            if at not in clocks:
+                bases.setdefault(_base(*channel), []).append(at)
+        self._members = list(bases.values())
+        self.groups = [self._group([channels[at] for at in base]) for base in self._members]
         self._kept = [0] * len(bases)
         self._span = (np.inf, -np.inf)
 
-    def _group(
-        self, found: FileInfo, places: Sequence[int], first: Sequence[Signal], base: Sequence[int], remarks: Remarks
-    ) -> Group:
-        infos, signal = [found.signals[places[at]] for at in base], first[base[0]]
+    def _group(self, base: Sequence[tuple[SignalInfo, Signal]]) -> Group:
+        infos, signal = [info for info, _ in base], base[0][1]
         names = [tidy(one.name) for one in infos]
-        remarks.renamed([one.name for one in infos], names)
+        self._remarks.renamed([one.name for one in infos], names)
         channels = tuple(
             WrittenChannel(name, tidy(one.unit) if one.unit else None, _noted(one.note))
             for name, one in zip(names, infos, strict=True)
@@ -304,12 +298,11 @@ class _Plan:
                 names = f"{shown(signals[0].name)} and {shown(signal.name)}"
                 raise TableError(f"{self._label}: {names} are not sampled at the same times; convert them one by one")
         if block.stamps is not None and group.rate is not None:
-            even = group.start + (block.first + np.arange(len(block))) / group.rate
-            off = np.abs(block.stamps - even)
-            if off.max() > 0.5 / group.rate:
+            off = np.abs(block.stamps - group.even(block.first, len(block))) > 0.5 / group.rate
+            if off.any():
                 raise TableError(
                     f"{self._label}: its times are even at first, and no longer after "
-                    f"{float(block.stamps[int(np.argmax(off > 0.5 / group.rate))]):.9g} s; cut with --window"
+                    f"{float(block.stamps[int(np.argmax(off))]):.9g} s; cut with --window"
                 )
 
     def check_not_empty(self) -> None:
@@ -326,14 +319,10 @@ class _Plan:
         return [replace(group, count=kept) for group, kept in zip(self.groups, self._kept, strict=True)]
 
 
-def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], one: int, other: int) -> bool:
-    """Whether two channels have the same group, and the same times as far as the first chunk shows."""
-    infos, signals = [found.signals[places[at]] for at in (one, other)], [first[at] for at in (one, other)]
-    if (infos[0].group, infos[0].count) != (infos[1].group, infos[1].count):
-        return False
-    if signals[0].time is None and (signals[0].rate, signals[0].start) != (signals[1].rate, signals[1].start):
-        return False
-    return same_value(signals[0].time, signals[1].time)
+def _base(info: SignalInfo, signal: Signal) -> object:
+    """What channels with the same group and the same times have in common, as far as their first chunk shows."""
+    when = (signal.rate, signal.start) if signal.time is None else signal.time.tobytes()
+    return info.group, info.count, when
 
 
 def _even(time: FloatArray) -> tuple[float | None, float]:

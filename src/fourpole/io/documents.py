@@ -88,7 +88,8 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     >>> toml_of("channels.force_in.unit = 'N'", "a.toml")
     {'channels': {'force_in': {'unit': 'N'}}}
     """
-    if _LONG_KEY.search(_TEXTS.sub(_key_of, text)):
+    # A quoted key is one part of a dotted one, and a comment none.
+    if _LONG_KEY.search(_TEXTS.sub(lambda found: "" if found[0].startswith("#") else "x", text)):
         raise TableError(f"{name}: a key has more than {_MOST_PARTS} parts; state it flat")
     try:
         found = tomllib.loads(text)
@@ -140,11 +141,6 @@ def delimiter_of(text: str) -> str:
     """The delimiter of a CSV table: a comma, semicolon or tab."""
     head = text.split("\n", 1)[0]
     return max(",;\t", key=head.count)
-
-
-def _key_of(text: re.Match[str]) -> str:
-    """What stands for a text or a comment of TOML where keys are counted: a quoted key is one part."""
-    return "" if text[0].startswith("#") else "x"
 
 
 def _no_constant(text: str) -> float:

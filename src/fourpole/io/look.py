@@ -171,8 +171,8 @@ class _Tally:
     missing: int = 0
     gap: int = 0
     longest_gap: int = 0
-    least: float = math.inf
-    greatest: float = -math.inf
+    least: float = math.nan
+    greatest: float = math.nan
     mean: float = 0.0
     square: float = 0.0
     rate: float | None = None
@@ -182,8 +182,7 @@ class _Tally:
     outline: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        places = max(1, min(_PLACES, self.expected))
-        self.outline = np.stack([np.full(places, np.inf), np.full(places, -np.inf)], axis=1)
+        self.outline = np.full((max(1, min(_PLACES, self.expected)), 2), np.nan)
 
     def feed(self, signal: Signal) -> None:
         samples = signal.samples
@@ -219,8 +218,8 @@ class _Tally:
         self.square += float(np.sum((samples - mean) ** 2)) + shift * shift * self.known * samples.size / together
         self.mean += shift * samples.size / together
         self.known = together
-        self.least = min(self.least, float(samples.min()))
-        self.greatest = max(self.greatest, float(samples.max()))
+        self.least = float(np.fmin(self.least, samples.min()))
+        self.greatest = float(np.fmax(self.greatest, samples.max()))
 
     def _extend_outline(self, samples: FloatArray) -> None:
         places = (self.count + np.arange(samples.size)) * len(self.outline) // max(self.expected, 1)
@@ -232,7 +231,6 @@ class _Tally:
 
     def summary(self, clock: str) -> ChannelSummary:
         """The summary of all samples fed so far; `clock` names the channel with their times."""
-        outline = np.where(np.isinf(self.outline), np.nan, self.outline)
         stamped = self.steps.count > 0
         rate = self.steps.rate if stamped else self.rate
         start = self.steps.first if stamped else self.start
@@ -242,8 +240,8 @@ class _Tally:
             count=self.count,
             missing=self.missing,
             longest_gap=self.longest_gap,
-            least=self.least if known else math.nan,
-            greatest=self.greatest if known else math.nan,
+            least=self.least,
+            greatest=self.greatest,
             mean=self.mean if known else math.nan,
             std=math.sqrt(self.square / self.known) if known else math.nan,
             frequency=_line(np.concatenate(self.middle), rate) if rate and self.middle else None,
@@ -254,7 +252,7 @@ class _Tally:
             jumps=self.steps.jumps,
             stops=self.steps.stops,
             longest_step=self.steps.longest,
-            outline=outline,
+            outline=self.outline,
         )
 
 

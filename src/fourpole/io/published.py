@@ -250,7 +250,8 @@ def publishing(folder: AnyPath, obsolete: Collection[str] = (), *, basis: str = 
         If a file cannot be written, or the results are no longer those of `basis`; they are the former ones then.
     """
     folder = Path(folder)
-    store = _store(folder)
+    store = folder / STORE
+    _make(store, exist_ok=True)
     new, living = store / f"new-{secrets.token_hex(6)}", -1
     try:
         with campaign_lock(folder):
@@ -408,14 +409,8 @@ def _replace_each(folder: Path, new: Path, names: Iterable[str], obsolete: Itera
 # ---- the store
 
 
-def _store(folder: Path) -> Path:
-    """The folder of the contents, made if it is not there; FileError if it is a link, or cannot be made."""
-    store = folder / STORE
-    _make(store, exist_ok=True)
-    return store
-
-
 def _make(folder: Path, *, exist_ok: bool = False) -> None:
+    """Make a folder; FileError if it is a link, or cannot be made."""
     try:
         folder.mkdir(exist_ok=exist_ok)
         if not stat.S_ISDIR(folder.lstat().st_mode):

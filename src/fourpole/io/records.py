@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.door import open_regular
-from fourpole.io.signature import is_signed, signature
+from fourpole.io.userfolders import is_signed, signature
 from fourpole.io.write import replacing
 
 #: The file is appended without following a link, and without waiting for who reads a pipe.

@@ -113,7 +113,7 @@ class Span(io.RawIOBase):
 
 def parts(source: BinaryIO, start: bytes, table: Table) -> Iterator[Values]:
     """The wanted columns, one part of the file after the other; `start` are the first lines of the file."""
-    ending = b"\n" if b"\n" in start else b"\r"
+    ending = line_end(start)
     if not table.pieces:
         yield from _parts(source, line_start(start, table.layout.first_row), ending, table.layout.first_row, table)
     for piece in table.pieces:
@@ -123,11 +123,10 @@ def parts(source: BinaryIO, start: bytes, table: Table) -> Iterator[Values]:
 
 def _parts(source: BinaryIO, offset: int, ending: bytes, line: int, table: Table) -> Iterator[Values]:
     """The wanted columns from a byte on, which is the first one of a line."""
+    source.seek(offset)
     if table.layout.delimiter == " ":
-        source.seek(offset)
         yield from _slowly(source, line, table)
         return
-    source.seek(offset)
     for part, quoted in _spans(source, ending, table):
         if ending == b"\r" and b"\n" in part:
             break  # two kinds of line end
@@ -281,6 +280,11 @@ def _times(frame: pl.DataFrame, clocks: dict[int, Clock]) -> Values | None:
     for index, clock in clocks.items():
         clock.state = states[index]
     return None
+
+
+def line_end(start: bytes) -> bytes:
+    """The end of a line in a file with these first lines; that of CR LF is LF."""
+    return b"\n" if b"\n" in start else b"\r"
 
 
 def line_start(start: bytes, line: int) -> int:

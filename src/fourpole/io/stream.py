@@ -146,12 +146,11 @@ class ReadOnce:
 
     def stream(self, source: StreamSource) -> Stream:
         """The named channels of a recording, as `stream` gives them."""
-        if self._held is not None and self._held[0] == source:
-            return Stream(0, iter([self._held[1]]), {})
-        run = stream(source)
-        if run.count:
-            return run
-        self._held = source, next(run.chunks)
+        if self._held is None or self._held[0] != source:
+            run = stream(source)
+            if run.count:
+                return run
+            self._held = source, next(run.chunks)
         return Stream(0, iter([self._held[1]]), {})
 
 
@@ -265,7 +264,12 @@ def surveyed_stream(path: Path, found: FileInfo, chosen: Sequence[int], *, label
     clocks = {one: at for one in chosen if (at := _stated_clock(found.signals, found.signals[one])) is not None}
     guess = kind.name == "text" and not clocks and bool(found.signals)
     asked = list(dict.fromkeys([*chosen, *clocks.values(), *([0] if guess else [])]))
-    chunks = (dict(zip(asked, chunk, strict=True)) for chunk in _chunks(kind, path, found, asked, label))
+    grouped = any(one.group for one in found.signals)  # groups may repeat names
+    infos = [found.signals[at] for at in asked]
+    names = tuple(f"{one.group}/{one.name}" if grouped else one.name for one in infos)
+    rows = max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1))
+    blocks = kind.blocks(Request(path, names, "", label, _MOST_MEMORY), rows)
+    chunks = (dict(zip(asked, chunk, strict=True)) for chunk in blocks)
     first = next(chunks)
     clocks = {one: at for one, at in clocks.items() if _is_clock(first[at], first[one])}
     if guess and found.signals[0].unit is None and _counts_time(first[0]):
@@ -293,19 +297,6 @@ def by_halves(
                 continue
             result = error
         yield some, result
-
-
-def _chunks(kind: Format, path: Path, found: FileInfo, asked: Sequence[int], label: str) -> Iterator[Sequence[Signal]]:
-    """Chunks of the channels with these indices, with the times of the file."""
-    names = tuple(_called(found.signals, one) for one in asked)
-    request = Request(path, names, "", label, _MOST_MEMORY)
-    return kind.blocks(request, max(_LEAST_ROWS, _AT_ONCE // max(len(names), 1)))
-
-
-def _called(signals: Sequence[SignalInfo], at: int) -> str:
-    """The name of a channel, with its group if the file has groups, which may repeat names."""
-    one = signals[at]
-    return f"{one.group}/{one.name}" if any(other.group for other in signals) else one.name
 
 
 def _stated_clock(signals: Sequence[SignalInfo], one: SignalInfo) -> int | None:

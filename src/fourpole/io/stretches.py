@@ -32,7 +32,7 @@ from fourpole.io.layout import (
     widest_sign,
 )
 from fourpole.io.names import numbered
-from fourpole.io.rows import PART, Piece, too_long
+from fourpole.io.rows import PART, Piece, line_end, too_long
 
 #: Largest number of headers, of stretches, and of lines in a row that belong to none.
 _MOST_HEADERS, _MOST_STRETCHES, _MOST_ASIDE = 20_000, 2_000, 20_000
@@ -128,7 +128,7 @@ def stretches_of(source: BinaryIO, start: bytes, offset: int, encoding: str, nam
     delimiter = table_delimiter([line for line in lines[:-1] or lines if len(line) < _LONGEST])
     if delimiter is None:
         return []
-    scan = _Scan(delimiter, encoding, name, b"\n" if b"\n" in start else b"\r", offset)
+    scan = _Scan(delimiter, encoding, name, line_end(start), offset)
     source.seek(offset)
     while chunk := source.read(_CHUNK):
         scan.feed(chunk)

@@ -1,7 +1,14 @@
-"""Folders of the user who runs Fourpole, which nobody else can write into, and the key of that user."""
+"""Folders of the user who runs Fourpole, which nobody else can write into, the key of that user, and signatures by it.
+
+By a signature, what this user's Fourpole kept in a folder is told from what anyone else put there. It is an
+HMAC-SHA256 with the key of the user (RFC 2104). Unlike the seal of a model file, nobody else can make one. It covers
+what the content is for, so that one signed content does not pass for another.
+"""
 
 from __future__ import annotations
 
+import hmac
+import json
 import os
 import stat
 import sys
@@ -17,6 +24,8 @@ from fourpole.io.source import reason
 _NAME, _KEY, CONFIG = "fourpole", "key", "config.toml"
 #: Length of the key [byte], and longest wait for another process that makes it [s].
 _LENGTH, _PATIENCE = 32, 5.0
+#: Length of a signature [byte].
+SIGNATURE_LENGTH = 32
 #: Bits of the mode by which others than the owner could change a folder.
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 #: Largest configuration [byte].
@@ -129,3 +138,19 @@ def _own(folder: Path) -> Path:
             f"{folder}: belongs to someone else, or others may write into it: chmod 700 makes it yours alone"
         )
     return folder
+
+
+def signature(content: bytes, *purpose: str) -> bytes:
+    """The signature of a content for a purpose: its kind, its name or its place."""
+    return hmac.digest(user_key(), json.dumps(purpose).encode() + b"\0" + content, "sha256")
+
+
+def is_signed(content: bytes, signed: bytes, *purpose: str) -> bool:
+    """Whether `signed` is the signature that this user gives a content for a purpose.
+
+    Examples
+    --------
+    >>> is_signed(b"D1", signature(b"D1", "index"), "index"), is_signed(b"D1", signature(b"D1", "index"), "entry")
+    (True, False)
+    """
+    return hmac.compare_digest(signature(content, *purpose), signed)

@@ -98,7 +98,7 @@ def main() -> None:
         home = import_module(module)
         function, args = getattr(home, name), unpack(content, getattr(home, "OF_WORK", ()))
         if tells:
-            function = partial(function, progress=partial(_tell, answers))
+            function = partial(function, progress=lambda done, total: send(answers, b"P" + pack((done, total))))
         limits.allow(seconds, spare)
         answer = _answered(function, args)
         limits.allow(None, None)
@@ -116,11 +116,6 @@ def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
         if out_of_memory(error):
             return b"E" + pack(("MemoryError", "", ""))
         return b"E" + pack(("Exception", f"{type(error).__name__}: {error}", ""))
-
-
-def _tell(answers: BinaryIO, done: int, total: int) -> None:
-    """Tell the parent how much of a piece of work is done."""
-    send(answers, b"P" + pack((done, total)))
 
 
 def _private_output() -> BinaryIO:

@@ -67,6 +67,10 @@ class Group:
         """Whether the times of the samples are known."""
         return self.stamped or self.rate is not None
 
+    def even(self, first: int, count: int) -> FloatArray:
+        """The times of some samples by the rate [s]."""
+        return self.start + (first + np.arange(count)) / (self.rate or np.nan)
+
     @property
     def words(self) -> str:
         """Samples, rate and channels of the group, as a phrase for messages."""
@@ -90,7 +94,7 @@ class Block(ByValue):
         """The times of the samples [s]; None if they are not known."""
         if self.stamps is not None or group.rate is None:
             return self.stamps
-        return group.start + (self.first + np.arange(len(self))) / group.rate
+        return group.even(self.first, len(self))
 
     def table(self, group: Group) -> list[FloatArray]:
         """The columns of a table: the times, if they are known, then the channels."""
@@ -188,12 +192,9 @@ def check_timed(groups: Sequence[Group], path: Path, name: str) -> None:
             raise TableError(f"{path.name}: {name} needs times, and these have none: {group.words}; write .csv")
 
 
-_MDF_FILE = "an ASAM MDF file"
-
-
 @contextmanager
 def _open_mdf(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
-    asammdf = need("asammdf", path.name, _MDF_FILE)
+    asammdf = need("asammdf", path.name, "an ASAM MDF file")
     check_timed(groups, path, "MDF")
     for group in groups:
         names = [channel.name for channel in group.channels]

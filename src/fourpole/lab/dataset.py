@@ -349,10 +349,15 @@ def _date(stated: object, tests: pl.DataFrame) -> date | None:
 
 
 def _rows(frame: pl.DataFrame, table: LabTable, origin: dict[str, Any]) -> tuple[pl.DataFrame, list[str]]:
-    """The rows with the columns of the data set, and the columns that the results lack."""
+    """The rows with the columns of the data set, and the columns that the results lack.
+
+    CampaignError if they lack a column without which they are not taken.
+    """
     if not frame.width:
         return pl.DataFrame(schema=dict(table.columns)), []
-    _check_needed(frame, table)
+    for head in table.needed:
+        if head not in frame.columns:
+            raise CampaignError(f"{table.spec.name} has no column {head}: run fourpole analyse again")
     frame = keyed(frame) if q.POINT.head in table.columns else frame
     own = {head: kind for head, kind in table.columns.items() if head not in ORIGIN and head not in (FURTHER, ROLE)}
     lacking = [head for head in table.spec.columns if head not in frame.columns]
@@ -369,13 +374,6 @@ def _rows(frame: pl.DataFrame, table: LabTable, origin: dict[str, Any]) -> tuple
         roles = {text: Source.read(text).role.name.lower() for text in rows[q.SOURCE.head].unique() if text}
         rows = rows.with_columns(pl.col(q.SOURCE.head).replace_strict(roles, default=None).alias(ROLE))
     return rows, lacking
-
-
-def _check_needed(frame: pl.DataFrame, table: LabTable) -> None:
-    """CampaignError if results lack a column without which they are not taken."""
-    needed = [head for head in table.needed if head not in frame.columns]
-    if needed:
-        raise CampaignError(f"{table.spec.name} has no column {needed[0]}: run fourpole analyse again")
 
 
 def _further(frame: pl.DataFrame, own: dict[str, Any]) -> list[str | None]:

@@ -371,30 +371,22 @@ def _rows(
     relative: FloatArray = relative_uncertainties(found)
     of_k1 = arm_std(plan.tests, 0.0, plan.tests.k1_std)
     columns = {head: column for head, column in tyre_columns(found).items() if head not in q.LOSS_FACTOR.heads}
-    rows = []
-    for at in which:
-        test = tests[at]
-        if plan.tests.rigid[at]:
-            continue
-        rows.append(
-            {
-                "plan": name,
-                "rig": item.name,
-                "test": test.name,
-                "tyre": test.tyre,
-                q.PRESSURE.head: test.value("pressure"),
-                q.PRELOAD.head: test.value("preload"),
-                q.ADDED_MASS.head: float(plan.tests.added_mass[at]),
-                q.FREQUENCY.head: float(plan.tests.frequency[at]),
-                "route": route,
-                **{head: float(column[at]) for head, column in columns.items()},
-                q.K2.u_head_from(q.K1): float(of_k1[at, 0]),
-                q.C.u_head_from(q.K1): float(of_k1[at, 1]),
-                q.TR_PREDICTED.head: float(found.tr_predicted[at]),
-                q.TR.u_head: float(found.tr_std[at]),
-                q.K_STAR.relative_head: float(relative[at, 0]),
-                q.K2.relative_head: float(relative[at, 1]),
-                q.C.relative_head: float(relative[at, 2]),
-            }
-        )
-    return rows
+    columns |= {q.K2.u_head_from(q.K1): of_k1[:, 0], q.C.u_head_from(q.K1): of_k1[:, 1]}
+    columns |= {q.TR_PREDICTED.head: found.tr_predicted, q.TR.u_head: found.tr_std}
+    columns |= {one.relative_head: relative[:, place] for place, one in enumerate((q.K_STAR, q.K2, q.C))}
+    return [
+        {
+            "plan": name,
+            "rig": item.name,
+            "test": tests[at].name,
+            "tyre": tests[at].tyre,
+            q.PRESSURE.head: tests[at].value("pressure"),
+            q.PRELOAD.head: tests[at].value("preload"),
+            q.ADDED_MASS.head: float(plan.tests.added_mass[at]),
+            q.FREQUENCY.head: float(plan.tests.frequency[at]),
+            "route": route,
+            **{head: float(column[at]) for head, column in columns.items()},
+        }
+        for at in which
+        if not plan.tests.rigid[at]
+    ]

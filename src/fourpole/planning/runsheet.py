@@ -103,8 +103,7 @@ def _with_masses(tests: Sequence[Test], masses: Sequence[float]) -> Iterator[Tes
     """Each dynamic test without an added mass once more with each of the masses."""
     bare = [test for test in tests if test.kind == "dynamic" and not test.value("added_mass")]
     for mass in masses:
-        for test in bare:
-            yield replace(_renamed(test, f"-{mass:g}kg"), values={**test.values, "added_mass": mass})
+        yield from (replace(_renamed(one, f"-{mass:g}kg"), values={**one.values, "added_mass": mass}) for one in bare)
 
 
 def _renamed(test: Test, more: str) -> Test:

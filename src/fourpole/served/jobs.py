@@ -163,13 +163,15 @@ class Job:
         return self.phase not in (Phase.WAITING, Phase.RUNNING)
 
     async def changes(self) -> AsyncIterator[None]:
-        """A step for each change, until the job is over; the first at once."""
-        yield
-        while not self.over:
-            async with self._changed:
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(self._changed.wait(), 15)
+        """A step for each change, the first at once, the last when the job is over."""
+        over = False
+        while not over:
+            over = self.over
             yield
+            if not self.over:
+                async with self._changed:
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(self._changed.wait(), 15)
 
     async def tell(self) -> None:
         """Wake those who wait for a change."""
@@ -300,15 +302,13 @@ async def _said(process: asyncio.subprocess.Process, job: Job) -> None:
 
 
 def _take(job: Job, event: dict[str, Any]) -> None:
-    if "task" in event:
+    if "task" in event or "watching" in event:
         job.task = event
     elif "judged" in event:
         job.judged.append(event["judged"])
     elif "answer" in event:
         job.answer += event["answer"]
         job.files += map(Path, event["files"])
-    elif "watching" in event:
-        job.task = event
     elif "together" in event:
         job.together.append(str(event["together"]))
     elif "error" in event:

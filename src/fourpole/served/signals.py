@@ -143,7 +143,7 @@ def part_of(kept: Kept, number: int, first: float, last: float, width: int) -> d
     samples = np.memmap(kept.folder / f"{number}.f64", dtype=np.float64, mode="r") if count else np.zeros(0)
     if end - begin <= 2 * width:
         shown = np.asarray(samples[begin:end])
-        return {"t": _numbers(start + np.arange(begin, end) / rate), "low": _numbers(shown)}
+        return {"t": plotted(start + np.arange(begin, end) / rate), "low": plotted(shown)}
     if end - begin >= _FROM_BLOCKS * _BLOCK and (end - begin) // _BLOCK >= width:
         ends = np.fromfile(kept.folder / f"{number}.ends", dtype=np.float64).reshape(-1, 2)
         blocks = ends[begin // _BLOCK : -(-end // _BLOCK)]
@@ -152,7 +152,7 @@ def part_of(kept: Kept, number: int, first: float, last: float, width: int) -> d
         shown = np.asarray(samples[begin:end])
         low, high = _steps(shown, width, np.fmin), _steps(shown, width, np.fmax)
     edges = begin + (np.arange(low.size) + 0.5) * (end - begin) / low.size
-    return {"t": _numbers(start + edges / rate), "low": _numbers(low), "high": _numbers(high)}
+    return {"t": plotted(start + edges / rate), "low": plotted(low), "high": plotted(high)}
 
 
 def _steps(values: FloatArray, width: int, least: Any) -> FloatArray:
@@ -160,8 +160,9 @@ def _steps(values: FloatArray, width: int, least: Any) -> FloatArray:
     return np.asarray(least.reduceat(values, edges))
 
 
-def _numbers(values: FloatArray) -> list[float | None]:
-    return [None if value != value else float(f"{value:.9g}") for value in values.tolist()]
+def plotted(values: FloatArray, digits: int = 9) -> list[float | None]:
+    """Values for a picture, to some digits; None for not-a-number."""
+    return [None if value != value else float(f"{value:.{digits}g}") for value in values.tolist()]
 
 
 def _chosen(found: FileInfo, group: str, names: Sequence[str]) -> list[int]:
@@ -225,11 +226,6 @@ def load(endings: Sequence[str]) -> dict[str, Any]:
         with suppress(ImportError):  # the reader says what to install
             import_module(_LIBRARIES.get(one, "polars"))
     return {}
-
-
-def fresh_name() -> str:
-    """Name of a hidden folder in which samples are collected before they are all there."""
-    return f"{HIDDEN}{secrets.token_hex(6)}.tmp"
 
 
 #: Recordings that are read at a time, and time that a page waits for one before it shows progress [s].
@@ -336,7 +332,7 @@ class Collector:
         def progress(done: int, total: int) -> None:
             work.done = done / max(total, 1)
 
-        new = folder.with_name(fresh_name())
+        new = folder.with_name(f"{HIDDEN}{secrets.token_hex(6)}.tmp")
         try:
             read_apart(keep, wanted.path, wanted.group, list(wanted.names), new, progress=progress)
             _make_room(folder.parent, _size(new))

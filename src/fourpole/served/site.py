@@ -26,19 +26,17 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
+from fourpole import plot
 from fourpole import quantities as q
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
-from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.digits import number, with_std
+from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.findings import by_size, findings
-from fourpole.io.published import Published
-from fourpole.plot import FIGURES, draw, figure_data, render
 from fourpole.plot.cards import dynamic_cards, static_cards
-from fourpole.plot.catalogue import spec_of
 from fourpole.plot.data import Panel, Role, Series
 from fourpole.plot.sheet import texts
+from fourpole.report.digits import with_u
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS, ReportFigure, page_parts
 from fourpole.report.words.sentence import sentences
@@ -84,12 +82,11 @@ class Shown:
     @cached_property
     def parts(self) -> dict[str, Any]:
         """What the templates of the report show."""
-        files = self.results.files
-        figures = {
-            key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"), spec.number)
-            for key, spec in FIGURES.items()
-            if files is not None and files.has(f"figures/{key}.svg")
-        }
+        files, figures = self.results.files, {}
+        for key, spec in plot.FIGURES.items():
+            if files is not None and files.has(name := f"figures/{key}.svg"):
+                drawing = files.read(name, max_bytes=_MOST_BYTES).decode(errors="replace")
+                figures[key] = ReportFigure(key, spec.title, spec.caption, drawing, spec.number)
         found = sentences(by_size(findings(self.results)), self.results.shown)
         parts = page_parts(self.results, findings=found, figures=figures)
         return {**parts, "lacks_models": False}  # the page Model says so, and fits them
@@ -132,35 +129,25 @@ class Held:
 
     def of(self, place: Place) -> Shown | None:
         """The results of a campaign; None if it has none yet."""
-        path = place.results / "study.json"
-        try:
-            stat = path.stat()
-        except OSError:
+        mark = _marks(place.results, "study.json", "model.json", "map.json")
+        if mark[0] is None:
             return None
-        mark = (stat.st_mtime_ns, stat.st_size, stat.st_ino, _mark(place))
         return self._shown.get(place.key, mark, lambda: Shown(place, read_results(place.results)))
 
     def campaign(self, place: Place) -> Campaign:
         """The statement of a campaign, read again when its files change; CampaignError if it cannot be used."""
-        files = [path for name in ("campaign.toml", "tests.csv", LIMITS) if (path := place.folder / name).is_file()]
-        mark = tuple((path.stat().st_mtime_ns, path.stat().st_size) for path in files)
+        mark = _marks(place.folder, "campaign.toml", "tests.csv", LIMITS)
         return self._campaigns.get(place.key, mark, lambda: read_campaign(place.folder))
 
 
-def _drawing(files: Published, name: str) -> str:
-    """The text of a figure; what is no text in it is replaced."""
-    return files.read(name, max_bytes=_MOST_BYTES).decode(errors="replace")
-
-
-def _mark(place: Place) -> tuple[int, ...]:
-    """When the models and maps beside the results changed."""
-    times = []
-    for name in ("model.json", "map.json"):
-        try:
-            times.append((place.results / name).stat().st_mtime_ns)
-        except OSError:
-            times.append(0)
-    return tuple(times)
+def _marks(folder: Path, *names: str) -> list[tuple[int, ...] | None]:
+    """Time of change, size and inode of files of a folder; None for one that is missing."""
+    marks: list[tuple[int, ...] | None] = [None] * len(names)
+    for at, name in enumerate(names):
+        with suppress(OSError):
+            stat = (folder / name).stat()
+            marks[at] = stat.st_mtime_ns, stat.st_size, stat.st_ino
+    return marks
 
 
 @dataclass(eq=False)
@@ -330,11 +317,18 @@ def linked(drawing: Markup, shown: Shown) -> Markup:
     return Markup(_CARD.sub(place_of, drawing))
 
 
+def spec_of(key: str) -> plot.FigureSpec:
+    """A figure of the catalogue, which is loaded with the library that draws it when the first page shows a figure."""
+    from fourpole.plot import catalogue
+
+    return catalogue.spec_of(key)
+
+
 def drawn(site: Site, results: Study, key: str, form: str = "svg") -> bytes | None:
     """A figure of the catalogue as a file; None if the results hold nothing that it shows."""
     with site.drawing:
-        figure = draw(results, key)
-        return None if figure is None else render(figure, key, form)
+        figure = plot.draw(results, key)
+        return None if figure is None else plot.render(figure, key, form)
 
 
 def figure_of(site: Site, shown: Shown, results: Study, key: str) -> LinkedFigure | None:
@@ -358,9 +352,9 @@ class Values:
 
 def values_of(results: Study, key: str) -> list[Values]:
     """The tests that a figure shows, panel by panel; none for line art, which has no axes."""
-    if key in FIGURES and FIGURES[key].data is None:
+    if key in plot.FIGURES and plot.FIGURES[key].data is None:
         return []
-    data = figure_data(results, key)
+    data = plot.figure_data(results, key)
     found, left = [], _MOST_ROWS
     for panel in () if data is None else data.panels:
         rows = list(_rows(panel))[:left]
@@ -377,12 +371,11 @@ def _rows(panel: Panel) -> Iterator[tuple[str, str, str, str]]:
     for one in panel.series:
         if one.role in (Role.POINTS, Role.REJECTED) and one.tests and not panel.names:
             verdict = "rejected" if one.role is Role.REJECTED else ""
-            yield from zip(one.tests, [verdict] * len(one.tests), _texts(one, "x"), _texts(one, "y"), strict=True)
+            yield from zip(one.tests, [verdict] * len(one.tests), *_texts(one), strict=True)
 
 
-def _texts(one: Series, which: str) -> Iterator[str]:
-    values, stds = (one.x, one.across) if which == "x" else (one.y, one.spread)
-    for value, std in zip_longest(values.tolist(), [] if stds is None else stds.tolist()):
-        known = std is not None and std > 0
-        text, about = with_std(value, COVERAGE_FACTOR * std) if known else (number(value, 5), "")
-        yield f"{text} ± {about}" if about else text
+def _texts(one: Series) -> Iterator[list[str]]:
+    """The texts of x and of y, with U where it is known."""
+    for values, stds in ((one.x, one.across), (one.y, one.spread)):
+        pairs = zip_longest(values.tolist(), [] if stds is None else stds.tolist())
+        yield [with_u(value, std) if std is not None and std > 0 else number(value, 5) for value, std in pairs]

@@ -9,6 +9,7 @@ import math
 import numbers
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -221,19 +222,12 @@ def is_unit(text: str, kind: str | None = None) -> bool:
     >>> is_unit("kgf/cm²"), is_unit("radial"), is_unit("bar", "force")
     (True, False, False)
     """
-    if kind is not None:
-        try:
-            to_si([1.0], text, kind)
-        except UnitError:
-            return False
-        return True
-    if text.strip() in SUGGESTED or text.strip() in TEMPERATURES:
-        return True
-    try:
-        _, dimensions = parse(spelled_out(text), True)
-    except UnitError:
-        return False
-    return kind_of(dimensions) is not None
+    with suppress(UnitError):
+        if kind is not None:
+            return bool(affine(text, kind)[0])
+        is_usual = text.strip() in SUGGESTED or text.strip() in TEMPERATURES
+        return is_usual or kind_of(parse(spelled_out(text), True)[1]) is not None
+    return False
 
 
 def sensitivity(text: str) -> tuple[float, str]:

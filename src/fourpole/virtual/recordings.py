@@ -134,16 +134,12 @@ def draw_truth(
         return {name: value for name, value in (drawn | misstated).items() if name in statement.rig}
 
     rig = of_rig(tuple(_PLAIN_RIG))
-    gains = {channel: near(0.0, statement.std_gain) for channel in CHANNELS}
-    gains |= {channel: near(0.0, STD_GAIN) for channel in _STATIC}
-    phases = {channel: near(0.0, statement.std_phase) for channel in CHANNELS}
+    gains = {one: undeclared.get(f"gain {one}", near(0.0, statement.std_gain)) for one in CHANNELS}
+    gains |= {one: undeclared.get(f"gain {one}", near(0.0, STD_GAIN)) for one in _STATIC}
+    phases = {one: undeclared.get(f"phase {one}", near(0.0, statement.std_phase)) for one in CHANNELS}
     rig["mass"] = rig.pop("moving_mass")
     rig |= of_rig(FURTHER)
     rig |= {name: value for name, value in undeclared.items() if name not in _ERRORS}
-    for channel in (*CHANNELS, *_STATIC):
-        gains[channel] = undeclared.get(f"gain {channel}", gains[channel])
-    for channel in CHANNELS:
-        phases[channel] = undeclared.get(f"phase {channel}", phases[channel])
     bench = Bench(**rig)  # type: ignore[arg-type] # all of them are numbers
     bench.check()
     return Truth(bench, gains, phases)

@@ -10,7 +10,7 @@ from importlib import resources
 from math import degrees, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fourpole.core.checks import Check, Code, Excitation, NoK1, Verdict
+from fourpole.core.checks import Check, Code, NoK1, Verdict
 from fourpole.core.confidence import COVERAGE
 from fourpole.errors import Message
 from fourpole.quantities import ShownUnits
@@ -288,12 +288,6 @@ def _exchanged_k1(values: _Values) -> dict[str, str]:
     return {"names": _and(named)}
 
 
-def _excitation_words(excitation: tuple[Excitation, float]) -> str:
-    """An excitation with its level of deflection [mm]; the level of sines may change with their frequency."""
-    kind, level = excitation
-    return _say("excitation", kind, level=level)
-
-
 #: What sentences need that is more than a value in a blank.
 _FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.RESONANCE: lambda values: {name: values[name] / 1e3 for name in ("spring", "inertia")},
@@ -316,7 +310,9 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.STEEP: lambda values: {"how": _say("steep", values["steep"])},
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
-    Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},
+    Code.EXCITATIONS: lambda values: {
+        side: _say("excitation", values[side][0], level=values[side][1]) for side in ("softer", "stiffer")
+    },
     Code.AMPLITUDES: _amplitudes,
     Code.COPY: lambda values: {"others": _and(values["tests"])},
     Code.EXCHANGED: lambda values: {"names": _and(values["tests"])},

@@ -26,7 +26,6 @@ from fourpole.errors import TableError
 from fourpole.io.formats.guard import RATES, STEPS, UNITS, is_time, of_name, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, times_by
 from fourpole.io.signals import FileInfo, Request, Words
-from fourpole.units import shown
 
 _TICKS = {"ms": 1e3, "us": 1e6, "ns": 1e9}
 #: Rows among which the first point in time is sought.
@@ -203,9 +202,6 @@ def _together(scan: Any, schema: Any, names: set[str], name: str, rows: int | No
             if first == last:
                 return np.empty(0)
             cells, kind = table(first, last)[column], schema[column]
-            if len(cells) != last - first:
-                what = f"column {shown(column)} has {first + len(cells)} of {last} values"
-                raise TableError(f"{name}: is cut short: {what}; copy or export it again")
             if not kind.is_temporal():
                 return np.asarray(cells.to_numpy())  # a missing value is not-a-number
             if isinstance(kind, pl.Datetime) and column not in firsts:

@@ -255,10 +255,8 @@ class _Keys:
             time = remembered(lambda first, last: scale * times(first, last) + start)
             if one.abscissa.barred or one.abscissa.count != values.count:
                 barred = barred or "has not as many times as values; save it again"
-        note = "" if barred else one.note
-        return Track(
-            one.name, _unit(one), values.count, samples, rate, start if rate else 0.0, time, one.group, note, barred
-        )
+        note, unit = "" if barred else one.note, None if one.bit else of_name(one.name, values.unit)
+        return Track(one.name, unit, values.count, samples, rate, start if rate else 0.0, time, one.group, note, barred)
 
     def _part(self, one: _Component, name: str, bit: int) -> Part:
         """The function that reads a part of the samples of a component."""
@@ -303,10 +301,6 @@ def _is_encoding(page: str) -> bool:
         return codecs.lookup(page).name.startswith("cp")
     except LookupError:
         return False
-
-
-def _unit(one: _Channel) -> str | None:
-    return None if one.bit else of_name(one.name, one.values.unit)
 
 
 def _timing(one: _Channel) -> tuple[float | None, float]:

@@ -64,11 +64,7 @@ class Leaf:
     @property
     def closed(self) -> Track:
         """What is said to those who name it, if it cannot be read."""
-        return Track(self.name, None, 0, _nothing, group=self.group, barred=self.barred)
-
-
-def _nothing(*_: int) -> NDArray[np.float64]:
-    return np.empty(0)
+        return Track(self.name, None, 0, lambda *_: np.empty(0), group=self.group, barred=self.barred)
 
 
 def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:

@@ -20,12 +20,12 @@ from fourpole.io.formats.guard import tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
 from fourpole.io.layout import is_missing, number
 from fourpole.io.names import numbered
-from fourpole.io.source import decode, encoding_of
+from fourpole.io.source import decode
 from fourpole.units import column_unit, shown
 
-_END_OF_HEADER = re.compile(rb"^\*\*\*End_of_Header\*\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
-_SEGMENT = re.compile(rb"^Channels(?=\W)", re.MULTILINE)
-_SPECIAL = re.compile(rb"\n\*\*\*Start_Special\*\*\*(?s:.*?)(?:\n\*\*\*End_Special\*\*\*[^\n]*|\Z)")
+_END_OF_HEADER = re.compile(r"^\*\*\*End_of_Header\*\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
+_SEGMENT = re.compile(r"^Channels(?=\W)", re.MULTILINE)
+_SPECIAL = re.compile(r"\n\*\*\*Start_Special\*\*\*(?s:.*?)(?:\n\*\*\*End_Special\*\*\*[^\n]*|\Z)")
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
 #: Shortest and longest time step that is accepted [s].
 _SHORTEST, _LONGEST = 1e-12, 1e6
@@ -87,13 +87,6 @@ def _part(values: NDArray[np.float64]) -> Part:
     return lambda first, last: values[first:last]
 
 
-def _text(content: bytes) -> str:
-    try:
-        return content.decode()
-    except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace")
-
-
 def _tags(header: str, separator: str) -> dict[str, list[str]]:
     """The cells of each line of a header, by the tag that begins the line."""
     lines = (line.split(separator) for line in header.split("\n") if line.strip())
@@ -110,7 +103,7 @@ class _Style:
     """The columns with x values: one, multi (one before each channel) or no."""
 
 
-def _channels(head: dict[str, list[str]], names: list[str], rows: bytes, style: _Style, where: str) -> list[_Channel]:
+def _channels(head: dict[str, list[str]], names: list[str], rows: str, style: _Style, where: str) -> list[_Channel]:
     """The channels of a segment, from its header, its line of names and its rows."""
     multi = style.columns == "multi"
     count = (head.get("Channels") or [""])[0]
@@ -162,16 +155,16 @@ def _last_digit(cell: str) -> float:
     return 10.0**power if -300 < power < 300 else 0.0
 
 
-def _table(rows: bytes, width: int, style: _Style, where: str) -> list[NDArray[np.float64]]:
+def _table(rows: str, width: int, style: _Style, where: str) -> list[NDArray[np.float64]]:
     """The columns of a segment without its comments; TableError at the first cell that is no number."""
     import polars as pl
 
     if not rows.strip():
         return [np.empty(0)] * width
-    full = style.separator.encode() * (width - 1) + b"\n"  # a row of all columns, since comments may be in none
+    full = style.separator * (width - 1) + "\n"  # a row of all columns, since comments may be in none
     frame = pl.read_csv(
-        io.BytesIO(full + rows), has_header=False, schema={str(at): pl.String() for at in range(width)},
-        separator=style.separator, quote_char=None, truncate_ragged_lines=True, encoding="utf8-lossy",
+        io.BytesIO((full + rows).encode()), has_header=False, schema={str(at): pl.String() for at in range(width)},
+        separator=style.separator, quote_char=None, truncate_ragged_lines=True,
     )  # fmt: skip
     columns = []
     for at, cells in enumerate(frame[1:]):
@@ -207,14 +200,13 @@ def _joined(one: _Channel, more: _Channel) -> _Channel:
 
 def _content(opened: OpenFile) -> Content:
     """The channels of an open file."""
-    name, content = opened.name, opened.file.read()
-    encoding, mark = encoding_of(content[:65536], name)
-    content = decode(content, name)[0].encode() if encoding.startswith("utf-16") else content[mark:]
-    content = _SPECIAL.sub(b"", content.replace(b"\r\n", b"\n").replace(b"\r", b"\n"))
+    name = opened.name
+    text = decode(opened.file.read(), name)[0].replace("\r\n", "\n").replace("\r", "\n")
+    content = _SPECIAL.sub("", text)
     first = _END_OF_HEADER.search(content)
     if first is None:
         raise TableError(f"{name}: its header has no end (***End_of_Header***); it is cut off, write it again")
-    header = _text(content[: first.start()])
+    header = content[: first.start()]
     stated = re.search(r"^Separator(\W)(\w*)", header, re.MULTILINE)
     separator = _SEPARATORS.get(stated[2].lower(), stated[1]) if stated else "\t"
     tags = {key: cells[0] for key, cells in _tags(header, separator).items() if cells}
@@ -226,9 +218,9 @@ def _content(opened: OpenFile) -> Content:
         where, end = f"{name} segment {len(segments) + 1}", _END_OF_HEADER.search(content, begin, last)
         if end is None:
             raise TableError(f"{where} has no end of its header; the file is cut off")
-        line, _, rows = content[end.end() : last].partition(b"\n")
-        names = [cell.strip().strip('"') for cell in _text(line).split(separator)]
-        head = _tags(_text(content[begin : end.start()]), separator)
+        line, _, rows = content[end.end() : last].partition("\n")
+        names = [cell.strip().strip('"') for cell in line.split(separator)]
+        head = _tags(content[begin : end.start()], separator)
         segments.append(_channels(head, names, rows, style, where))
     if not segments:
         raise TableError(f"{name}: has a header but no segment of channels below it; write it again, with headers")

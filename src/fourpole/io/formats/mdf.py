@@ -101,7 +101,7 @@ class _Reader:
                 barred = "holds no numbers" if self._holds_none(one) else self._barred(group, place, one)
                 comment = tidy(one.comment) if isinstance(one.comment, str) else ""
                 note = "" if comment.startswith("<") else comment
-                samples = self._plain(group, one) or self._samples((number, place), one.name, count)
+                samples = self._plain(group, one) or self._samples((number, place), one.name)
                 unit = self._unit(one)
                 found.append(
                     Track(one.name, unit, count, samples, rate, start, time, self.groups[number], note, barred)
@@ -162,7 +162,7 @@ class _Reader:
             if plain is not None:
                 return scale * plain(first, last)
             found = self._mdf.get_master(group, record_offset=first, record_count=last - first) if last > first else []
-            return scale * self._whole(floats(found, called, self._name), called, first, last)
+            return scale * floats(found, called, self._name)
 
         return None, 0.0, remembered(times)
 
@@ -194,7 +194,7 @@ class _Reader:
 
         return part
 
-    def _samples(self, at: tuple[int, int], name: str, count: int) -> Part:
+    def _samples(self, at: tuple[int, int], name: str) -> Part:
         """The function that reads a part of a channel; samples marked invalid are not-a-number."""
 
         def part(first: int, last: int) -> NDArray[np.float64]:
@@ -205,17 +205,10 @@ class _Reader:
                 group=at[0], index=at[1], samples_only=True, ignore_invalidation_bits=True,
                 record_offset=first, record_count=last - first,
             )  # fmt: skip
-            values = self._whole(floats(found, name, self._name), f"channel {shown(name)}", first, min(last, count))
+            values = floats(found, name, self._name)
             return values if invalid is None else np.where(np.asarray(invalid, dtype=bool), np.nan, values)
 
         return part
-
-    def _whole(self, values: NDArray[np.float64], called: str, first: int, last: int) -> NDArray[np.float64]:
-        """The values themselves; TableError if they are fewer than the file declares."""
-        if len(values) != last - first:
-            what = f"{called} has {first + len(values)} of {last} samples"
-            raise TableError(f"{self._name}: is cut short: {what}; copy or export it again")
-        return values
 
 
 def _formula(conversion: Any, kind: int) -> bool:

@@ -13,7 +13,9 @@ multiplies integers by INT_FULL_SCALE/32768 as well.
 from __future__ import annotations
 
 import math
+import mmap
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -38,8 +40,6 @@ _STRUCTURE = (
     *("FORMAT", "NUM_HEADER_BLOCKS", "NUM_PARAMS", "FILE_TYPE", "CHANNELS", "DELTA_T"),
     *("PTS_PER_FRAME", "PTS_PER_GROUP", "FRAMES", "PARTITIONS"),
 )
-#: Bytes that are decoded at a time.
-_BLOCK = 1 << 20
 
 
 def _text(raw: bytes) -> str:
@@ -72,8 +72,10 @@ class _Shape:
     """Samples of a channel in a group."""
     count: int
     """Samples of a channel."""
-    last: int
-    """Samples of a channel that the last group has room for."""
+    whole: int
+    """Number of whole groups."""
+    rest: int
+    """Samples of a channel in a last group that is not filled up."""
     step: float
     """Time between two samples [s]."""
 
@@ -122,10 +124,10 @@ def _shape(keys: dict[str, str], size: int, name: str) -> _Shape:
         raise TableError(
             f"{name}: is cut short: declares {sample * filled} bytes of samples, has {there}; copy or export it again"
         )
-    last = group if there >= sample * filled else stored - (filled - group)
+    whole, rest = divmod(filled if there >= sample * filled else stored, group)
     samples = keys.get("SAMPLES", "")
     count = min(stored, int(samples)) if samples.isdecimal() and len(samples) < 16 else stored
-    return _Shape(begin, type_, channels, group, count, last, step)
+    return _Shape(begin, type_, channels, group, count, whole, rest, step)
 
 
 def _scale(keys: dict[str, str], channel: int, shape: _Shape, name: str) -> float:
@@ -140,14 +142,13 @@ def _content(opened: OpenFile) -> Content:
     """The channels of an open file."""
     keys = _keys(opened.file, opened.name)
     shape = _shape(keys, os.fstat(opened.file.fileno()).st_size, opened.name)
-    numbers, samples, integer = range(1, shape.channels + 1), _Samples(opened, shape), shape.kind.kind == "i"
+    numbers, samples, integer = range(1, shape.channels + 1), _samples(opened, shape), shape.kind.kind == "i"
     tracks = []
     for at, name in zip(numbers, numbered([keys.get(f"DESC.CHAN_{at}") or str(at) for at in numbers]), strict=True):
         unit, scale = keys.get(f"UNITS.CHAN_{at}", ""), _scale(keys, at, shape, opened.name)
         note = f"16 bit integer times {scale:.8g}" if integer else ""
         unit_or_none = unit if unit.upper() not in ("", "NONE") else None
-        part = samples.part(at - 1, scale)
-        tracks.append(Track(name, unit_or_none, shape.count, part, 1.0 / shape.step, note=note))
+        tracks.append(Track(name, unit_or_none, shape.count, samples(at - 1, scale), 1.0 / shape.step, note=note))
     stated = ((key, value) for key, value in keys.items() if "CHAN_" not in key and key not in _STRUCTURE)
     notes = [f"{tidy(key, 40)}: {tidy(value)}" for key, value in stated if value][:20]
     full = _number(keys.get("INT_FULL_SCALE"))
@@ -157,51 +158,22 @@ def _content(opened: OpenFile) -> Content:
     return Content("RPC III", tracks, notes, sample_bytes=8)
 
 
-class _Samples:
-    """The samples of an open file."""
+def _samples(opened: OpenFile, shape: _Shape) -> Callable[[int, float], Part]:
+    """The function that gives the one which reads a part of a channel, by its place and the value of one count."""
+    size = shape.whole * shape.channels * shape.group
+    content = mmap.mmap(opened.file.fileno(), 0, access=mmap.ACCESS_READ)
+    flat = np.frombuffer(content, shape.kind, size + shape.channels * shape.rest, shape.begin)
+    groups, rest = flat[:size].reshape(-1, shape.channels, shape.group), flat[size:].reshape(shape.channels, -1)
 
-    def __init__(self, opened: OpenFile, shape: _Shape) -> None:
-        self._file, self._name, self._shape = opened.file, opened.name, shape
-
-    def part(self, channel: int, scale: float) -> Part:
-        """The function that reads a part of one channel."""
-        group, width = self._shape.group, self._shape.channels * self._shape.kind.itemsize
-        step = max(_BLOCK // (group * width), 1)
-
+    def samples(channel: int, scale: float) -> Part:
         def part(first: int, last: int) -> NDArray[np.float64]:
-            values = np.empty(last - first)
-            at = first
-            while at < last:
-                begin = at // group
-                end = min(begin + step, math.ceil(last / group))
-                held = self._groups(begin, end, channel)
-                taken = held[at - begin * group : last - begin * group]
-                values[at - first : at - first + len(taken)] = taken
-                at += len(taken)
-            return values * scale
+            low, high = first // shape.group, math.ceil(last / shape.group)
+            held = np.append(groups[low:high, channel], rest[channel])  # which is what follows the last whole group
+            return held[first - low * shape.group : last - low * shape.group].astype(np.float64) * scale
 
         return part
 
-    def _groups(self, begin: int, end: int, channel: int) -> NDArray[np.float64]:
-        """The samples of a channel in successive groups, without scale."""
-        shape, size = self._shape, self._shape.kind.itemsize
-        final = math.ceil(shape.count / shape.group) - 1
-        alone = end - begin == 1
-        room = shape.last if alone and begin == final else shape.group
-        at = shape.begin + begin * shape.group * shape.channels * size
-        if alone:
-            return self._numbers(at + channel * room * size, room)
-        if end - 1 == final and shape.last < shape.group:
-            return np.concatenate([self._groups(begin, end - 1, channel), self._groups(end - 1, end, channel)])
-        held = self._numbers(at, (end - begin) * shape.group * shape.channels)
-        return held.reshape(-1, shape.channels, shape.group)[:, channel].ravel()
-
-    def _numbers(self, at: int, count: int) -> NDArray[np.float64]:
-        self._file.seek(at)
-        content = self._file.read(count * self._shape.kind.itemsize)
-        if len(content) != count * self._shape.kind.itemsize:
-            raise TableError(f"{self._name}: is cut short within its samples; copy or export it again")
-        return np.frombuffer(content, dtype=self._shape.kind).astype(np.float64)
+    return samples
 
 
 FORMAT = track_format("rpc", "RPC III", (".rpc", ".rsp", ".tim", ".drv"), _KIND, _content)

@@ -72,19 +72,21 @@ class Track:
 
     def part(self, first: int, last: int) -> Signal:
         """The samples from index `first` up to `last`, as a signal."""
-        samples = self.samples(first, last)
-        if self.time is None:
+        samples, time = self.samples(first, last), None if self.time is None else self.time(first, last)
+        for values in (samples, samples if time is None else time):
+            if len(values) != last - first:
+                raise ValueError(f"channel {shown(self.name)} has {first + len(values)} of {self.count} samples")
+        if time is None:
             start = self.start if not self.rate else self.start + first / self.rate
-            return Signal(self.name, self.unit, samples, start, self.rate)
-        time = self.time(first, last)
-        start = float(time[0]) if len(time) else self.start
+        else:
+            start = float(time[0]) if len(time) else self.start
         return Signal(self.name, self.unit, samples, start, self.rate, time)
 
     def info(self) -> SignalInfo:
         """The description of the channel; its duration is that of its times if these are finite."""
         ends = None
         if self.time is not None and self.count:
-            with suppress(TableError):  # a time in a unit that is none
+            with suppress(TableError, IndexError):  # a time in a unit that is none, or that is cut short
                 found = self.when(0), self.when(self.count - 1)
                 ends = found if np.isfinite(found).all() else None
         note = "; ".join(filter(None, (self.barred, self.note)))

@@ -35,7 +35,7 @@ _HEADER = 13
 _LONGEST_HEADER = 1 << 14
 _TIME_RESPONSE, _GENERAL = 1, 0
 _TIME_AXIS = (0, 1, 17)
-_DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
+_DIRECTIONS = {1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
 _FUNCTIONS = {
     0: "general function",
     1: "time signal",
@@ -168,14 +168,16 @@ def _held(others: Mapping[bytes, int]) -> str:
     return first_of([tidy(one.decode("ascii", "replace"), 6) for one in others], 12)
 
 
-def _dof(header: Mapping[str, Any]) -> str:
-    entity = str(header.get("rsp_ent_name", "")).strip()
-    direction = int(header.get("rsp_dir", 0))
-    sign = _DIRECTIONS.get(abs(direction), "")
-    if direction < 0:
-        sign = sign.replace("+", "-")
-    prefix = "" if entity.upper() in ("", "NONE") else f"{entity}:"
-    return f"{prefix}{header.get('rsp_node', 0)}{sign}"
+def dof(header: Mapping[str, Any], which: str) -> str:
+    """Node and direction of the response (rsp) or the reference (ref) of a function, as 12+Z."""
+    direction = int(header.get(f"{which}_dir", 0))
+    sign = "" if direction == 0 else ("+" if direction > 0 else "-") + _DIRECTIONS.get(abs(direction), "?")
+    return f"{header.get(f'{which}_node', 0)}{sign}"
+
+
+def _response(header: Mapping[str, Any]) -> str:
+    """Entity, node and direction of the response."""
+    return ":".join(filter(None, (label_of(header, "rsp_ent_name"), dof(header, "rsp"))))
 
 
 def label_of(header: Mapping[str, Any], key: str) -> str:
@@ -189,7 +191,9 @@ def _names(sets: Sequence[DataSet]) -> list[str]:
     titles = [label_of(one.header, "id1") for one in sets]
     signals = [title for title, one in zip(titles, sets, strict=True) if one.is_signal]
     titled = all(signals) and len(set(signals)) == len(signals)
-    names = [title if titled and one.is_signal else _dof(one.header) for title, one in zip(titles, sets, strict=True)]
+    names = [
+        title if titled and one.is_signal else _response(one.header) for title, one in zip(titles, sets, strict=True)
+    ]
     often = Counter(names)
     return [name if often[name] == 1 else f"{name} ({number})" for number, name in enumerate(names, 1)]
 
@@ -253,7 +257,7 @@ def read_set(found: Content, one: DataSet, called: str, name: str) -> dict[str, 
 
 def _track(found: Content, one: DataSet, called: str, name: str) -> tracks.Track:
     """A function as a channel; what is none is barred."""
-    texts = [one.words, label_of(one.header, "id1"), _dof(one.header)]
+    texts = [one.words, label_of(one.header, "id1"), _response(one.header)]
     notes = list(dict.fromkeys(tidy(text) for text in texts if text and text != called))
 
     @tracks.remembered

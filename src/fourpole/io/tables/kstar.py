@@ -18,7 +18,7 @@ from fourpole.io.formats import uff
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import AnyPath, name_of
-from fourpole.io.tables.cells import BY_NUMBER, Cells, Column, tables_in
+from fourpole.io.tables.cells import BY_NUMBER, Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
     Taken,
@@ -37,9 +37,9 @@ from fourpole.io.tables.vocabulary import readings
 from fourpole.models.shape import Shape
 from fourpole.units import shown
 
-#: Columns of conditions, and of the uncertainty of K*, by role.
-_CONDITIONS = {"temperature": q.TEMPERATURE, "pressure": q.PRESSURE, "preload": q.PRELOAD,
-               "amplitude": q.DEFLECTION_AMPLITUDE}  # fmt: skip
+#: Heads of the columns of conditions, and of the uncertainty of K*, by role.
+_CONDITIONS = {"temperature": q.TEMPERATURE.head, "pressure": q.PRESSURE.head, "preload": q.PRELOAD.head,
+               "amplitude": q.DEFLECTION_AMPLITUDE.head}  # fmt: skip
 _STD = {"u(storage)": q.STORAGE.u_head, "u(loss)": q.LOSS.u_head}
 _ROLES = ("frequency", *QUANTITIES, *_CONDITIONS, *_STD, "coherence", "tyre")
 #: What to state where a modulus has no shape.
@@ -338,17 +338,16 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
 
 def _ways(moduli: Sequence[Form], ratios: Sequence[Form], across: Sequence[Form]) -> str:
     """What has to be stated so that a modulus or V1/F1 gives K*."""
-    ways = []
-    if moduli:
-        names = " and ".join(shown(one.column.name) for one in moduli[0].columns.values())
-        ways.append(f"{names} give a modulus, which becomes K* by the shape: {NO_SHAPE}")
-    if ratios:
-        names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
-        ways.append(f"{names} give V1/F1: {_RIG}")
-    if across:
-        names = ", ".join(shown(one.column.name) for one in across[0].columns.values())
-        ways.append(f"{names} give V2/V1, {_ACROSS}")
-    return "; or: ".join(ways)
+    ways = (
+        (moduli, " and ", f"a modulus, which becomes K* by the shape: {NO_SHAPE}"),
+        (ratios, ", ", f"V1/F1: {_RIG}"),
+        (across, ", ", f"V2/V1, {_ACROSS}"),
+    )
+    return "; or: ".join(
+        f"{between.join(shown(one.column.name) for one in forms[0].columns.values())} give {what}"
+        for forms, between, what in ways
+        if forms
+    )
 
 
 def _one_modulus(cells: Cells, moduli: Sequence[Form], options: TableOptions) -> Form:
@@ -401,45 +400,30 @@ def further_of(
 ) -> tuple[pl.DataFrame, list[Taken], list[str]]:
     """Conditions and uncertainties in SI and columns of no role; the columns in a role; what is left out."""
     columns: dict[str, pl.Series] = {}
-    kept, notes = [], []
+    kept, notes = list[Taken](), list[str]()
     gone = {id(one.column) for one in used}
-    for role in (*_CONDITIONS, *_STD, "tyre"):
+    for role, head in (_CONDITIONS | _STD).items():
         some = [one for one in found if one.role == role and id(one.column) not in gone]
-        if role == "tyre" and not any(one.stated for one in some):
-            names = {id(one.column) for one in some}
-            some += [
-                Taken(role, one, "", None, "", stated=False) for one in labels_in(cells)[0] if id(one) not in names
-            ]
-        if not some:
-            continue
-        if role != "tyre" and all(one.unit is None for one in some):
+        if some and all(one.unit is None for one in some):
             name = shown(some[0].column.name)
             notes.append(f"column {name} states no unit and was left out; state {some[0].option} to use it")
-            continue
-        if role == "tyre":
-            kept += some
-            columns["tyre"] = pl.Series(joined([one.column for one in some]))
-        else:
+        elif some:
             kept.append(chosen(cells, some))
-            columns |= _series(kept[-1], factor)
-        gone |= {id(one.column) for one in some}
-    rest = _of_no_role([one for one in cells.columns if id(one) not in gone])
+            columns[head] = pl.Series(kept[-1].si * (factor if role in _STD else 1.0))
+            gone |= {id(one.column) for one in some}
+    names = [one for one in found if one.role == "tyre" and id(one.column) not in gone]
+    if not any(one.stated for one in names):
+        known = {id(one.column) for one in names}
+        names += [Taken("tyre", one, "", None, "", stated=False) for one in labels_in(cells)[0] if id(one) not in known]
+    if names:
+        kept += names
+        columns["tyre"] = pl.Series(joined([one.column for one in names]))
+        gone |= {id(one.column) for one in names}
+    rest: dict[str, pl.Series] = {}
+    for one in cells.columns:
+        if id(one) not in gone:  # of several with the same head, the first
+            rest.setdefault(one.head, pl.Series(one.words or one.values))
     return pl.DataFrame(columns | rest | columns), kept, notes  # the columns in a role come first, and stay
-
-
-def _of_no_role(columns: Sequence[Column]) -> dict[str, pl.Series]:
-    """Columns of no role by their heads; of several with the same head, the first."""
-    series: dict[str, pl.Series] = {}
-    for one in columns:
-        series.setdefault(one.head, pl.Series(one.words or one.values))
-    return series
-
-
-def _series(one: Taken, factor: float) -> dict[str, pl.Series]:
-    """Head and values of a condition or an uncertainty of a table of results."""
-    if one.role in _STD:
-        return {_STD[one.role]: pl.Series(one.si * factor)}
-    return {_CONDITIONS[one.role].head: pl.Series(one.si)}
 
 
 def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:

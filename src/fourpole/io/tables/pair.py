@@ -353,7 +353,8 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
     if any(one.role not in _ROLES for one in stated):
         return None
     try:
-        tables = [] if _is_uff(path) else tables_in(Path(path), group=options.group)
+        kind = format_of(Path(path), max_bytes=MAX_FILE_BYTES)
+        tables = [] if kind is uff.FORMAT else tables_in(Path(path), group=options.group)
     except TableError:  # whoever reads it as a table of K* says what is wrong
         return None
     for cells in map(measured, tables):
@@ -362,10 +363,6 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
         if "frequency" not in roles and "time" in roles and roles & set(_QUANTITIES):
             return _over_time(cells, found, stated, options)
     return None
-
-
-def _is_uff(path: AnyPath) -> bool:
-    return format_of(Path(path), max_bytes=MAX_FILE_BYTES, label=None) is uff.FORMAT
 
 
 def _over_time(cells: Cells, found: list[Taken], stated: list[Statement], options: TableOptions) -> TimeTable:

@@ -7,10 +7,9 @@ node over the motion of the driven one, with the output blocked, the dynamic sti
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import afford
-from fourpole.io.formats.uff import Content, label_of, opened, read_set
+from fourpole.io.formats.uff import Content, dof, label_of, opened, read_set
 from fourpole.io.source import name_of
 from fourpole.io.tables.columns import Statement, scale_of
 from fourpole.io.tables.vocabulary import FORCE_PER_MOTION, MOTION_PER_FORCE
@@ -33,7 +32,6 @@ _RESPONSES, _COHERENCE = (4, 5), 6
 #: Data type of an abscissa that is a frequency, and those that a program leaves unknown.
 _FREQUENCY = (0, 18)
 _MOST_BYTES, _MOST_RESPONSES = 500_000_000, 2000
-_SIGNS = {1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +215,7 @@ def responses(path: Path, label: str) -> list[Response]:
 def _response(found: Content, at: int, name: str) -> Response:
     one = found.sets[at]
     head = one.header
-    called = f"{_dof(head, 'rsp')}/{_dof(head, 'ref')}"
+    called = f"{dof(head, 'rsp')}/{dof(head, 'ref')}"
     read = read_set(found, one, called, name)
     values = np.atleast_1d(np.asarray(read["data"], dtype=complex))
     if int(head.get("abscissa_spec_data_type", 0)) not in _FREQUENCY:
@@ -239,9 +237,3 @@ def _response(found: Content, at: int, name: str) -> Response:
         frequency=frequency,
         values=values[: one.count],
     )
-
-
-def _dof(head: Mapping[str, Any], which: str) -> str:
-    direction = int(head.get(f"{which}_dir", 0))
-    sign = "" if direction == 0 else ("+" if direction > 0 else "-") + _SIGNS.get(abs(direction), "?")
-    return f"{head.get(f'{which}_node', 0)}{sign}"

@@ -14,21 +14,19 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from fourpole import plot
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Axis
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.export.kinds import KINDS, OPTIONS, Takes
 from fourpole.findings.compared import compare
 from fourpole.io.published import published_beside
-from fourpole.plot import FIGURES, PAPER, figures_of
-from fourpole.plot.catalogue import spec_of
-from fourpole.plot.layout import FORMATS
 from fourpole.plot.over import ORDER, OVER, SHOWN, key_over
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
 from fourpole.report.compared import compared_parts
-from fourpole.served.site import LinkedFigure, Shown, Site, attachment, drawn, figure_of, values_of
+from fourpole.served.site import LinkedFigure, Shown, Site, attachment, drawn, figure_of, spec_of, values_of
 from fourpole.served.workspace import Place
 from fourpole.study.study import Study
 from fourpole.units import quantity
@@ -59,8 +57,8 @@ def explore_routes(site: Site) -> list[Route]:
 
     async def file(request: Request) -> Response:
         place, form = site.place(request), request.path_params["form"]
-        if form not in FORMATS:
-            raise CampaignError(f"a figure is {', '.join(FORMATS)}")
+        if form not in plot.FORMATS:
+            raise CampaignError(f"a figure is {', '.join(plot.FORMATS)}")
         key, content = await run_in_threadpool(_file, site, place, request.query_params, form)
         return attachment(content, _KINDS[form], f"{place.key}-{key}.{form}")
 
@@ -90,7 +88,7 @@ def _exports(site: Site, shown: Shown) -> Iterator[dict[str, Any]]:
     if not {*_FOR_FILES} <= {*asked}:
         return
     has = results.files.has if results.files is not None else lambda _: False
-    kept = {"png": has("figures/storage-loss.png"), "paper": any(has(f"figures/{key}.svg") for key in PAPER)}
+    kept = {"png": has("figures/storage-loss.png"), "paper": any(has(f"figures/{key}.svg") for key in plot.PAPER)}
     stated = {"command": "report", "pdf": "1", **{name: "1" for name, there in kept.items() if there}}
     yield {
         "file": "report.pdf",
@@ -132,8 +130,8 @@ def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
         "asked": _choices(asked),
         "quantities": _known(results),
         "axes": {name: _NAMES.get(name, name) for name in OVER if name == ORDER or _is_stated(results, OVER[name])},
-        "questions": {key: FIGURES[key].title for key in figures_of(results) if not key.startswith("first-")},
-        "paper": {key: spec.title for key, spec in PAPER.items()},
+        "questions": {key: plot.FIGURES[key].title for key in plot.figures_of(results) if not key.startswith("first-")},
+        "paper": {key: spec.title for key, spec in plot.PAPER.items()},
         "selects": _selects(results),
     }
     try:

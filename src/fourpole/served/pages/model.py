@@ -16,7 +16,6 @@ from starlette.requests import Request
 from starlette.routing import Route
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import CampaignError, FourpoleError, ModelError
@@ -29,6 +28,7 @@ from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.cards import embedded
 from fourpole.report.digits import cell
 from fourpole.report.models import inside, lacking
+from fourpole.served.signals import plotted
 from fourpole.served.site import LinkedFigure, Shown, Site, figure_of
 from fourpole.served.workspace import Place
 from fourpole.study.study import Study
@@ -269,7 +269,7 @@ def _curves(
     except ModelError:
         return None
     return {
-        "frequency": _digits(grid),
+        "frequency": plotted(grid, 6),
         "at": frequency,
         "log": band.log,
         "panels": [made for one in _CURVES if (made := _curve(rows, one, units)) is not None],
@@ -285,13 +285,9 @@ def _curve(rows: Sequence[Mapping[str, Any]], one: Quantity, units: ShownUnits) 
         "name": seen.name,
         "symbol": one.symbol,
         "unit": seen.shown,
-        "y": _digits(values / seen.scale),
-        "half": _digits(NORMAL_95 * np.nan_to_num(stds) / seen.scale),
+        "y": plotted(values / seen.scale, 6),
+        "half": plotted(NORMAL_95 * np.nan_to_num(stds) / seen.scale, 6),
     }
-
-
-def _digits(values: FloatArray) -> list[float | None]:
-    return [None if value != value else float(f"{value:.6g}") for value in values.tolist()]
 
 
 #: Figures of models and maps, in the order of the page.

@@ -17,8 +17,6 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.planning.expected import Guess
 from fourpole.planning.plan import CampaignPlan, Run, plan_campaign, plan_table
 from fourpole.planning.runsheet import run_sheet
-from fourpole.plot.layout import TITLES, command_figure
-from fourpole.plot.plan import draw_plan
 from fourpole.report.page import ReportFigure
 from fourpole.report.words.plan import advice_in_words, expected_tables
 from fourpole.served.site import Latest, Site, attachment
@@ -75,6 +73,9 @@ def _shown(_: Place, request: Request) -> dict[str, Any]:
 
 
 def _expected(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
+    from fourpole.plot.layout import TITLES, command_figure  # loads the library that draws, which takes a second
+    from fourpole.plot.plan import draw_plan
+
     planned, masses = _planned(place, asked), _masses(asked)
     frame = plan_table(planned, masses or MASSES)
     wanted = _stated(asked).get("wanted")

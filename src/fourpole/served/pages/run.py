@@ -30,11 +30,11 @@ from fourpole.served.workspace import Place
 from fourpole.units import shown
 from fourpole.words import package_toml
 
-#: What a page shows of a job, whenever it changes.
-Documents: TypeAlias = Callable[[Place, Job], AsyncIterator[dict[str, Any]]]
+#: What a page shows of a job, whenever it changes, without the tests that it has already, by their number.
+Document: TypeAlias = Callable[[Place, Job, int], dict[str, Any]]
 
 
-def job_routes(site: Site, jobs: Jobs, page: str, documents: Documents) -> list[Route]:
+def job_routes(site: Site, jobs: Jobs, page: str, document: Document) -> list[Route]:
     """The events of the job of a page, and the way to stop it."""
 
     async def stop(request: Request) -> Response:
@@ -50,15 +50,18 @@ def job_routes(site: Site, jobs: Jobs, page: str, documents: Documents) -> list[
         if job is None:
             return RedirectResponse(address(place, page))
         return StreamingResponse(
-            _as_events(documents(place, job)), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+            _as_events(place, job, document), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
         )
 
     return [Route(f"/c/{{key}}/{page}", stop, methods=["DELETE"]), Route(f"/c/{{key}}/{page}/events", events)]
 
 
-async def _as_events(documents: AsyncIterator[dict[str, Any]]) -> AsyncIterator[str]:
-    async for document in documents:
-        yield f"data: {json.dumps(document)}\n\n"
+async def _as_events(place: Place, job: Job, document: Document) -> AsyncIterator[str]:
+    told = 0
+    async for _ in job.changes():
+        shown = await run_in_threadpool(document, place, job, told)
+        told += len(shown.get("tests", ()))
+        yield f"data: {json.dumps(shown)}\n\n"
 
 
 #: The commands that the page Run may start: pattern of their options, what each is called while it runs, the page that
@@ -90,18 +93,8 @@ def run_routes(site: Site) -> list[Route]:
     return [
         site.page_route("/c/{key}/run", "run.html", shown_of),
         Route("/c/{key}/run", start, methods=["POST"]),
-        *job_routes(site, site.jobs, "run", partial(_documents, site)),
+        *job_routes(site, site.jobs, "run", partial(_document, site)),
     ]
-
-
-async def _documents(site: Site, place: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
-    """The state of a job whenever it changes, each test once."""
-    told = 0
-    async for _ in job.changes():
-        document = _document(site, place, job, told)
-        told = len(job.tests)
-        yield document
-    yield _document(site, place, job, told)
 
 
 def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, Any]:
@@ -161,7 +154,7 @@ def ask_routes(site: Site) -> list[Route]:
         site.page_route("/c/{key}/ask", "ask.html", shown, of_results=True),
         Route("/c/{key}/ask", start, methods=["POST"]),
         Route("/c/{key}/ask/files/{name}", file),
-        *job_routes(site, site.answers, "ask", _ask_documents),
+        *job_routes(site, site.answers, "ask", lambda _, job, __: {"phase": job.phase, "task": job.task}),
     ]
 
 
@@ -174,13 +167,6 @@ def _content(path: Path) -> tuple[str, bytes]:
         for one in sorted(path.iterdir()):
             archive.writestr(one.name, read_bytes(one, max_bytes=MAX_FILE_BYTES, within=path))
     return f"{path.name}.zip", packed.getvalue()
-
-
-async def _ask_documents(_: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
-    """How far the command is, whenever it changes."""
-    async for _change in job.changes():
-        yield {"phase": job.phase, "task": job.task}
-    yield {"phase": job.phase, "task": job.task}
 
 
 def watch_routes(site: Site) -> list[Route]:
@@ -196,15 +182,8 @@ def watch_routes(site: Site) -> list[Route]:
     return [
         site.page_route("/c/{key}/watch", "watch.html", shown),
         Route("/c/{key}/watch", start, methods=["POST"]),
-        *job_routes(site, site.watches, "watch", partial(_judgements, site)),
+        *job_routes(site, site.watches, "watch", lambda place, job, _: _judged(site, place, job)),
     ]
-
-
-async def _judgements(site: Site, place: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
-    """The judgements whenever one is added."""
-    async for _ in job.changes():
-        yield await run_in_threadpool(_judged, site, place, job)
-    yield await run_in_threadpool(_judged, site, place, job)
 
 
 def _judged(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
@@ -214,17 +193,11 @@ def _judged(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
     named: set[str] = set()
     with suppress(FourpoleError):
         named = {test.name for test in site.held.campaign(place).tests}
+    keys = ("test", "verdict", "condition", "remarks", "results", "doubts")
     judged = [
-        {
-            "test": one["test"],
-            "address": address(place, "tests", one["test"]) if one["test"] in named else "",
-            "verdict": one["verdict"],
-            "condition": one["condition"],
-            "remarks": one["remarks"],
-            "results": one["results"],
-            "doubts": one["doubts"],
-        }
-        for one in reversed(job.judged)
+        {key: one[key] for key in keys}
+        | {"address": address(place, "tests", one["test"]) if one["test"] in named else ""}
+        for one in reversed(list(job.judged))
     ]
     return {
         "phase": job.phase,

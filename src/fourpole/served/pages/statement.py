@@ -19,6 +19,7 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.report.cards import embedded
 from fourpole.served.editing import KEYS, RIG, ROLES, doubts_left, problems_of, read_statement, save
+from fourpole.served.signals import plotted
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place, state_of
 
@@ -119,6 +120,6 @@ def _outline(one: ChannelSummary | str) -> dict[str, Any]:
         "least": one.least,
         "greatest": one.greatest,
         "frequency": one.frequency,
-        "low": [None if v != v else v for v in one.outline[:, 0].tolist()],
-        "high": [None if v != v else v for v in one.outline[:, 1].tolist()],
+        "low": plotted(one.outline[:, 0]),
+        "high": plotted(one.outline[:, 1]),
     }
