@@ -8,7 +8,7 @@ import pytest
 from tests.processes import environment
 
 from fourpole.errors import FileError
-from fourpole.io import signature, userfolders
+from fourpole.io import userfolders
 
 pytestmark = [pytest.mark.thorough, pytest.mark.skipif(sys.platform == "win32", reason="files have no mode there")]
 
@@ -110,9 +110,9 @@ def test_a_key_in_place_of_which_a_folder_stands_is_of_this_process(home):
 
 
 def test_a_signature_is_of_one_content_one_purpose_and_one_user(home):
-    signed = signature.signature(b"content", "entry", "a")
-    assert len(signed) == signature.LENGTH
-    assert signature.is_signed(b"content", signed, "entry", "a")
+    signed = userfolders.signature(b"content", "entry", "a")
+    assert len(signed) == userfolders.SIGNATURE_LENGTH
+    assert userfolders.is_signed(b"content", signed, "entry", "a")
     for content, *purpose in (
         (b"contenu", "entry", "a"),
         (b"content", "entry", "b"),
@@ -121,9 +121,9 @@ def test_a_signature_is_of_one_content_one_purpose_and_one_user(home):
         (b"content", "entry", "a", ""),
         (b"\0content", "entry", "a"),
     ):
-        assert not signature.is_signed(content, signed, *purpose)
+        assert not userfolders.is_signed(content, signed, *purpose)
     for other in (b"", signed[:-1], signed + b"\0"):
-        assert not signature.is_signed(b"content", other, "entry", "a")
+        assert not userfolders.is_signed(b"content", other, "entry", "a")
     (home / ".config" / "fourpole" / "key").unlink()
     userfolders.user_key.cache_clear()
-    assert not signature.is_signed(b"content", signed, "entry", "a")
+    assert not userfolders.is_signed(b"content", signed, "entry", "a")

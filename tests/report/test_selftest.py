@@ -45,7 +45,7 @@ MUTANTS = [
     ("core.reduced:_input_impedance", "1j * omega", "omega"),
     ("core.identify:ratio", "(by_over - value", "(by_over + value"),
     ("core.identify:Answers._identify", "_INPUT_MASS_AT] -= jw", "_INPUT_MASS_AT] -= 2 * jw"),
-    ("core.channelerrors:ChannelUncertainty.errors", "1j * phase)", "0.5j * phase)"),
+    ("core.channelerrors:ChannelUncertainty.errors", "1j * own.imag)", "0.5j * own.imag)"),
     ("core.chain:Delay.at", "-2j * np.pi", "2j * np.pi"),
     ("core.chain:Geophone.at", "2j * self.damping", "1j * self.damping"),
     ("core.loadcurve:LoadCurve.tangent", "0.5 * curve.slope_gap", "curve.slope_gap"),
