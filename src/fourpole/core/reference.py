@@ -141,10 +141,9 @@ class Reference(ByValue):
         """Times of the points without jitter [s]."""
         return _smoothed(self.time)
 
-    @property
-    def departure(self) -> float:
-        """Largest departure of the speed between two points from its mean, relative [1]."""
-        speed = np.diff(self.phase) / np.diff(self._smooth)
+    def departure(self, *, smooth: bool = True) -> float:
+        """Largest departure of the speed between two points from its mean, relative [1], `smooth` without jitter."""
+        speed = np.diff(self.phase) / np.diff(self._smooth if smooth else self.time)
         return float(np.max(np.abs(speed / np.mean(speed) - 1.0)))
 
     def omega(self, first: float, last: float) -> float:

@@ -208,7 +208,7 @@ def varies(energy=1.0, count=40):
 def better(left=0.5, other=1.0, change=2.0):
     """Whether a wander is followed, by the residuals of V1 and of another channel over those at one frequency."""
     ratio = SimpleNamespace(noise_ratio=np.array([other, left, 1.0]), phasors=None)
-    reference = SimpleNamespace(departure=1.0)
+    reference = SimpleNamespace(departure=lambda **how: 1.0)
     parts = {"_may_wander": True, "_own_reference": reference, "demodulate": ratio}
     parts |= {"_change": (change, 0.1), "replace": None}
     with patch.multiple(wander, **{name: lambda *given, value=value, **how: value for name, value in parts.items()}):

@@ -126,7 +126,9 @@ def follows(monkeypatch):
         better = SimpleNamespace(noise_ratio=0.01 * np.array(left), phasors=phasors(std=after))
         found = SimpleNamespace(lines=np.zeros(0), noise_ratio=np.full(3, 0.01), phasors=phasors(shift, before))
         monkeypatch.setattr(wander, "_may_wander", lambda *given: True)
-        monkeypatch.setattr(wander, "_own_reference", lambda *given, **how: SimpleNamespace(departure=departure))
+        monkeypatch.setattr(
+            wander, "_own_reference", lambda *given, **how: SimpleNamespace(departure=lambda **how: departure)
+        )
         monkeypatch.setattr(wander, "replace", lambda recording, **changes: recording)
         monkeypatch.setattr(wander, "demodulate", lambda recording: better)
         return wander.follow_wander(None, found) is not None

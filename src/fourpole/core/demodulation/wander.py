@@ -92,14 +92,18 @@ def _along_v1(recording: Recording, steady: Demodulation, share: float) -> tuple
     """The demodulation along the phase of V1 and the largest departure of the speed [1]; None if none is better.
 
     The lines found beside a wandering drive are its sidebands; beside a steady drive they are interference. Both cases
-    are compared: the phase of V1 as it is, and with the lines removed first.
+    are compared: the phase of V1 as it is, and with the lines removed first. If the first is steady, so is the second.
     """
     if not _may_wander(recording, steady, share):
         return None
     tries = []
     for lines in dict.fromkeys((False, steady.lines.size > 0)):
         reference = _own_reference(recording, steady, lines=lines)
-        if reference is None or (departure := reference.departure) < STEADY:
+        if reference is None:
+            continue
+        if reference.departure(smooth=False) < STEADY:
+            break
+        if (departure := reference.departure()) < STEADY:
             continue
         with suppress(RecordingError):
             followed = demodulate(replace(recording, reference=reference))
