@@ -128,12 +128,15 @@ def test_what_is_neither_shown_nor_excluded_widens_u_by_its_probability(make):
     solution = replace(joint.solution, doubt=0.0)
     others = [replace(solution, stiffness=solution.stiffness * np.exp(off)) for off in (0.01, 0.02j)]
     tried = [Trial(SCATTER, 1.0, gain, joint.problem, other) for gain, other in zip((5.0, -20.0), others, strict=True)]
-    doubted = _doubted(solution, tried)
+    doubted = _doubted(solution, [], tried)
     assert doubted.doubt == pytest.approx(np.tile([[0.5e-4, 0.0], [0.0, 0.0]], (3, 1, 1)), abs=1e-13)
     # K* of a test is known by itself where it scatters, and what all tests have in common widens it all the same
     before, after = (outputs(replace(joint, solution=each), made.phasors, made.k1) for each in (solution, doubted))
     assert after.own - before.own == pytest.approx(np.tile([[0.5e-4, 0.0], [0.0, 0.0]], (6, 1, 1)), abs=1e-13)
-    assert np.array_equal(_doubted(solution, []).doubt, np.zeros((3, 2, 2)))
+    assert np.array_equal(_doubted(solution, [], []).doubt, np.zeros((3, 2, 2)))
+    # what was left behind for as much as is asked is as probable as what was taken; for far more, it is not
+    left = _doubted(solution, [(others[0], 5.0), (others[1], 1e4)], [])
+    assert left.doubt == pytest.approx(doubted.doubt, abs=1e-13)
 
 
 @pytest.mark.statistical

@@ -125,14 +125,13 @@ def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
 def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
     """Raise what the tests ask for, and then judge what is left; `scattered` is the solution with scatter of K*."""
     misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, STRANGE, UNSTEADY, NOISE], []
-    doubt: FloatArray | float = 0.0
+    left: list[tuple[Solution, float]] = []  # before each group was raised, and what raising it gained
     before: Misfit | None = None
     for _ in range(_MOST_ROUNDS):
         tried = trials(state.problem, state.solution, groups, state.outlier, scattered)
         tried += [trial for trial in _of_noise(state) if any(trial.group is group for group in groups)]
         together = tie(sorted(tried, key=lambda trial: -trial.gain))
         if not together:
-            doubt = _doubted(state.solution, tried).doubt
             break
         if not all(trial.group.of_specimen for trial in together):
             before = before or _chi2(state)
@@ -140,6 +139,7 @@ def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
             causes.append(
                 [cause for group, cause in named if abs(cause.size) <= group.largest * group.parameters[0].std]
             )
+        left.append((state.solution, together[0].gain))
         misfit = _raise(state, together, misfit)
         scattered = state.solution
         groups = [group for group in groups if not any(trial.group is group for trial in together)]
@@ -148,14 +148,19 @@ def _asked(state: State, stated: Shared, scattered: Solution) -> Misfit:
     misfit = _settled(state, misfit)
     misfit = replace(misfit, **_raised(state, stated))
     before = before or _chi2(state)
-    state.solution = replace(state.solution, doubt=doubt)
+    state.solution = _doubted(state.solution, left, [] if together else tried)
     return _judged(state, replace(misfit, chi2=before.chi2, dof=before.dof), causes)
 
 
-def _doubted(solution: Solution, tried: Sequence[Trial]) -> Solution:
-    """The solution with the doubt by what the tests neither ask for nor exclude, by the odds of its evidence."""
+def _doubted(solution: Solution, left: Sequence[tuple[Solution, float]], tried: Sequence[Trial]) -> Solution:
+    """The solution with the doubt by those that it was chosen over, by the odds of their evidence.
+
+    These are what was left behind, with what it had less, and what the tests neither ask for nor exclude.
+    """
     odds = np.exp([trial.gain - GAIN for trial in tried])
-    return solution.doubted([trial.solution for trial in tried], odds / (1 + odds.sum()))
+    less = np.exp([GAIN - gain for _, gain in left])
+    weights = np.concatenate([less / (1 + less), odds / (1 + odds.sum())])
+    return solution.doubted([*(one for one, _ in left), *(trial.solution for trial in tried)], weights)
 
 
 def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
