@@ -13,8 +13,9 @@ import signal
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -85,6 +86,21 @@ class Stalled(Late):
     remedy = "check that the drive or server with it answers, or copy it to a drive of this machine"
 
 
+@dataclass(frozen=True)
+class Piece:
+    """The arguments of a function, with the size of the file that it reads and what it may need; see `Child.call`."""
+
+    args: tuple[Any, ...]
+    size: int = 0
+    seconds: float = SECONDS
+    spare: int = 0
+
+    @property
+    def moved(self) -> tuple[Any, ...]:
+        """The arguments for a process with another working folder."""
+        return tuple(one.absolute() if isinstance(one, Path) else one for one in self.args)
+
+
 class Child:
     """One worker process, which ends with this process at the latest, with some threads for reading tables."""
 
@@ -131,33 +147,50 @@ class Child:
         FourpoleError, MemoryError, RuntimeError
             What the function raised; RuntimeError stands for an error that is not one of Fourpole.
         """
-        limit, patience = seconds + _PER_BYTE * size, max(STALLED, seconds)
-        most = spare or SPARE + size
-        args = tuple(one.absolute() if isinstance(one, Path) else one for one in args)  # it has another working folder
-        stated = (function.__module__, function.__name__, pack(args), progress is not None, limit, patience, most)
-        process = self._running()
-        began = time.monotonic()
-        answer = None
+        (answer,) = self.calls(function, [Piece(args, size, seconds, spare)], progress)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def calls(
+        self, function: Callable[..., Any], pieces: Sequence[Piece], progress: Progress | None = None
+    ) -> list[bytes | Exception]:
+        """Run a function on several pieces of work, about which the worker is asked once.
+
+        Each piece has limits of its own. The answers come together: if the worker ends, all pieces without an answer
+        have its death.
+
+        Returns
+        -------
+        list of bytes or Exception
+            What `call` returns or raises for each piece.
+        """
+        limits = [
+            (one.seconds + _PER_BYTE * one.size, max(STALLED, one.seconds), one.spare or SPARE + one.size)
+            for one in pieces
+        ]
+        packed = [(pack(one.moved), *limit) for one, limit in zip(pieces, limits, strict=True)]
+        answers: list[bytes | Exception] = []
         try:
-            pipe = _Watched(process, patience)
+            process = self._running()
             with suppress(OSError, ValueError):
-                send(cast("BinaryIO", process.stdin), pack(stated))
-                answer = receive(pipe)
-            while answer and answer[:1] == b"P":
-                if progress is not None:
-                    progress(*unpack(answer[1:]))
-                answer = None
-                with suppress(OSError, ValueError):
-                    answer = receive(pipe)
-        except BaseException:  # Ctrl-C: the answer would be taken for that of the next call
+                send(
+                    cast("BinaryIO", process.stdin),
+                    pack((function.__module__, function.__name__, progress is not None, packed)),
+                )
+            for limit, patience, _ in limits:
+                began = time.monotonic()
+                answer = _told(_Watched(process, patience), progress)
+                if answer is None:
+                    self.close(for_good=False)
+                    raise _death(process.returncode, time.monotonic() - began, limit, patience)
+                answers.append(answer[1:] if answer[:1] == b"R" else _error(*unpack(answer[1:])))
+        except BaseException as error:  # Ctrl-C: the answer would be taken for that of the next call
             self.close(for_good=False)
-            raise
-        if answer is None:
-            self.close(for_good=False)
-            raise _death(process.returncode, time.monotonic() - began, limit, patience)
-        if answer[:1] == b"R":
-            return answer[1:]
-        raise _error(*unpack(answer[1:]))
+            if not isinstance(error, Died):
+                raise
+            answers += [error] * (len(pieces) - len(answers))
+        return answers
 
     def _running(self) -> Process:
         if self._process is not None and (self._process.poll() is not None or self._allowed != allowed()):
@@ -190,6 +223,18 @@ def child(threads: int = 1) -> Child:
     if found is None:
         found = _LOCAL.child = Child(threads)
     return cast("Child", found)
+
+
+def _told(pipe: _Watched, progress: Progress | None) -> bytes | None:
+    """The next answer of a worker, after what it tells of its progress; None if it has ended."""
+    while True:
+        answer = None
+        with suppress(OSError, ValueError):
+            answer = receive(pipe)
+        if not answer or answer[:1] != b"P":
+            return answer
+        if progress is not None:
+            progress(*unpack(answer[1:]))
 
 
 class _Watched:

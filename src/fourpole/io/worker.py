@@ -3,8 +3,9 @@
 It is started by `fourpole.io.child`, which also says what a worker may need. Whatever a file does to the libraries that
 read it happens here: a crash ends this process alone, memory and time are limited.
 
-- Work is the name of a function of Fourpole with its arguments. Both they and the answer are made by `packed`, so that
-  neither side makes any object but those that the function's module lists in `OF_WORK`.
+- Work is the name of a function of Fourpole with arguments, or several of them. Both they and the answers are made by
+  `packed`, so that neither side makes any object but those that the function's module lists in `OF_WORK`. The answers
+  to one message leave together: the parent shares the processors with its workers, and each time it wakes costs both.
 - Limited is processor time, not the time of the clock, which says nothing on a busy machine: by the system
   (RLIMIT_CPU), on Windows by a thread that looks at it.
 - A worker that makes no progress ends: on Linux the parent sees that it takes no processor time; elsewhere the watch of
@@ -53,6 +54,8 @@ _FORSAKEN = 86400.0
 #: Size of a block [byte] after whose release malloc of glibc keeps smaller ones; to ask the system for each anew takes
 #: a tenth of the time of a Parquet recording.
 _KEPT = 1 << 22
+#: Answers of more bytes leave before all others are there.
+_HELD = 1 << 20
 #: Length of a message's own length [byte].
 _LENGTH = 8
 
@@ -64,10 +67,11 @@ class Readable(Protocol):
         """So many bytes."""
 
 
-def send(pipe: BinaryIO, message: bytes) -> None:
-    """Write a message, its length first."""
+def send(pipe: BinaryIO, message: bytes, *, more: bool = False) -> None:
+    """Write a message, its length first; it leaves at once unless there will be `more`."""
     pipe.write(len(message).to_bytes(_LENGTH, "little") + message)
-    pipe.flush()
+    if not more:
+        pipe.flush()
 
 
 def receive(pipe: Readable) -> bytes | None:
@@ -92,17 +96,18 @@ def main() -> None:
     limits = _Limits()
     while True:
         limits.watch(_IDLE)
-        message = work.get()
-        module, name, content, tells, seconds, patience, spare = unpack(message)
-        limits.watch(patience if limits.by_thread else _FORSAKEN + seconds)
-        home = import_module(module)
-        function, args = getattr(home, name), unpack(content, getattr(home, "OF_WORK", ()))
-        if tells:
-            function = partial(function, progress=lambda done, total: send(answers, b"P" + pack((done, total))))
-        limits.allow(seconds, spare)
-        answer = _answered(function, args)
-        limits.allow(None, None)
-        send(answers, answer)
+        module, name, tells, pieces = unpack(work.get())
+        for content, seconds, patience, spare in pieces:
+            limits.watch(patience if limits.by_thread else _FORSAKEN + seconds)
+            home = import_module(module)
+            function, args = getattr(home, name), unpack(content, getattr(home, "OF_WORK", ()))
+            if tells:
+                function = partial(function, progress=lambda done, total: send(answers, b"P" + pack((done, total))))
+            limits.allow(seconds, spare)
+            answer = _answered(function, args)
+            limits.allow(None, None)
+            send(answers, answer, more=True)
+        answers.flush()
 
 
 def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
@@ -120,7 +125,7 @@ def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
 
 def _private_output() -> BinaryIO:
     """Standard output for answers alone: what a library prints goes nowhere."""
-    answers = os.fdopen(os.dup(1), "wb")
+    answers = os.fdopen(os.dup(1), "wb", _HELD)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     if not os.environ.get("FOURPOLE_DEBUG"):

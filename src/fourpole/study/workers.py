@@ -21,14 +21,14 @@ from concurrent.futures import (
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
-from itertools import groupby, islice
+from itertools import compress, groupby, islice
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
 from fourpole.campaign.row import Test
 from fourpole.core.checks import CHECK_CLASSES, Check, Code, Verdict, fault_of, reported
 from fourpole.errors import CampaignError, FourpoleError, Message
-from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
+from fourpole.io.child import SECONDS, Child, Died, Late, Piece, answer_of, child
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import pack, unpack
@@ -45,8 +45,9 @@ _MOST = 8
 _SECONDS, _PER_BYTE = 5e-3, 1.5e-8
 #: Worker processes are started for more work than this [s]: each takes 0.6 s to start.
 _PAYS = 3.0
-#: Work of one task for an executor that takes its time for each [s].
-_TASK = 0.3
+#: Work of one task for an executor that takes its time for each [s], and most work of one for a worker process: whoever
+#: wakes this process takes time from the workers. Each has this number of tasks or more, so that all end together.
+_TASK, _MOST_OF_TASK, _TASKS = 0.3, 0.2, 20
 #: Number of tasks in flight per worker, so that none waits, and the memory is bounded.
 _AHEAD = 3
 #: Most parts of one recording in a task: so many are lost if its worker dies.
@@ -63,45 +64,63 @@ OF_WORK = OF_JOB
 
 
 def run_batch(jobs: Sequence[Reduction], sizes: Sequence[int], seconds: float, guarded: bool) -> list[Answer]:
-    """Demodulate recordings one after the other: the task of any executor; see `run_jobs`."""
-    of_files = groupby(zip(jobs, sizes, strict=True), key=lambda pair: pair[0].test.file)
-    groups = [list(zip(*group, strict=True)) for _, group in of_files]
-    return [answer for group, (size, *_) in groups for answer in run_jobs(group, size, seconds, guarded=guarded)]
-
-
-def run_jobs(jobs: Sequence[Reduction], size: int, seconds: float, *, guarded: bool = False) -> list[Answer]:
-    """Demodulate the parts of a recording that are tests.
+    """Demodulate recordings one after the other: the task of any executor.
 
     Parameters
     ----------
     jobs : sequence of Reduction
-        The jobs of one file.
-    size : int [byte]
-        Size of the file; 0 if it is unknown.
+        The jobs, those of one file side by side: it is read once.
+    sizes : sequence of int [byte]
+        Size of the file of each; 0 if it is unknown.
     seconds : float [s]
         Limit of the processor time of each; a large file has more.
     guarded : bool
         Whether they are run in the worker process of this thread; otherwise only if there is a reason.
     """
-    folder, file = jobs[0].folder, jobs[0].test.file
-    if is_elsewhere(file):
+    if any(is_elsewhere(job.test.file) for job in jobs):
         allow(jobs[0].remote)  # a worker of a cluster has the permission of the user who sends the jobs
-    if not guarded and not is_guarded(folder, file):
-        return [*map(packed, demodulated(jobs))]
-    try:
-        tests, common = [job.test for job in jobs], _common(_Common(jobs[0]))
-        answer = child().call(demodulate_packed, common, tests, size=size, seconds=seconds * len(jobs))
-        answers: list[Answer] = unpack(answer)
-        return answers
-    except Late as death:
-        check = reported(Code.SLOW, Verdict.REJECTED, file=file, error=death.message)
-    except Died as death:
-        return [str(death)] * len(jobs)
-    except MemoryError as error:
-        check = fault_of(error, file)
-    except RuntimeError as error:
-        check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
-    return [packed(Demodulated(checks=(check,), lasting=False))] * len(jobs)
+    pairs = groupby(zip(jobs, sizes, strict=True), key=lambda pair: pair[0].test.file)
+    files = [_File([job for job, _ in group], group[0][1]) for group in (list(one) for _, one in pairs)]
+    apart = [guarded or is_guarded(one.jobs[0].folder, one.jobs[0].test.file) for one in files]
+    pieces = [one.piece(seconds) for one in compress(files, apart)]
+    told = iter(child().calls(demodulate_packed, pieces) if pieces else ())
+    of_files = [
+        one.told(next(told), len(pieces)) if other else one.here() for one, other in zip(files, apart, strict=True)
+    ]
+    return [answer for answers in of_files for answer in answers]
+
+
+@dataclass(frozen=True)
+class _File:
+    """The jobs of one file, and its size [byte]."""
+
+    jobs: list[Reduction]
+    size: int
+
+    def here(self) -> list[Answer]:
+        """The answers, by this process."""
+        return [*map(packed, demodulated(self.jobs))]
+
+    def piece(self, seconds: float) -> Piece:
+        """The work for a worker process, with a limit of the processor time of each job [s]."""
+        common, tests = _common(_Common(self.jobs[0])), [job.test for job in self.jobs]
+        return Piece((common, tests), self.size, seconds * len(tests))
+
+    def told(self, answer: bytes | Exception, pieces: int) -> list[Answer]:
+        """The answers, from that of a worker process which was asked for so many pieces of work at once."""
+        file = self.jobs[0].test.file
+        if isinstance(answer, bytes):
+            answers: list[Answer] = unpack(answer)
+            return answers
+        if isinstance(answer, Late) and pieces == 1:  # of several, another one may be too slow
+            check = reported(Code.SLOW, Verdict.REJECTED, file=file, error=answer.message)
+        elif isinstance(answer, Died):
+            return [str(answer)] * len(self.jobs)
+        elif isinstance(answer, MemoryError):
+            check = fault_of(answer, file)
+        else:
+            check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(answer)))
+        return [packed(Demodulated(checks=(check,), lasting=False))] * len(self.jobs)
 
 
 def demodulate_packed(common: bytes, tests: list[Test]) -> bytes:
@@ -295,7 +314,8 @@ class _Run:
         elsewhere = not own and _is_elsewhere(executor)
         dead: list[int] = []
         running: dict[Future[list[Answer]], list[int]] = {}
-        batches = self.batches(left, 0.0 if own else _TASK)
+        cost = sum(self.costs[index] for index in left)
+        batches = self.batches(left, min(_MOST_OF_TASK, cost / (_TASKS * count)) if own else _TASK)
         waiting = next(batches, None)
         try:
             while running or waiting:
