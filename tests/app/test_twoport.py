@@ -76,7 +76,7 @@ def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_
     ran = run("twoport", campaign)
     assert ran.exit_code == 0
     assert "joint route" not in ran.stdout
-    monkeypatch.setattr("fourpole.study.workers.run_jobs", None)
+    monkeypatch.setattr("fourpole.study.workers.run_batch", None)
     both = (
         (7.01, 0.05, "7.01 ± 0.10", "they agree"),
         (7.3, 0.05, "7.30 ± 0.10", "they differ by 6 u of their difference"),

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from fourpole.app.cli import app
 from fourpole.errors import FileError
 from fourpole.io import child as children
-from fourpole.io.child import Child, Late, Stalled, read_apart
+from fourpole.io.child import Child, Late, Piece, Stalled, read_apart
+from fourpole.io.packed import unpack
 
 WORK = """
 import ctypes, os, time
@@ -56,8 +57,6 @@ def work(tmp_path, monkeypatch):
 
 
 def answer(work, function, *args, **limits):
-    from fourpole.io.packed import unpack
-
     return unpack(work.worker.call(getattr(work, function), *args, **limits))
 
 
@@ -87,6 +86,23 @@ def test_the_limit_begins_anew_with_each_piece_of_work(work):
     assert [answer(work, "compute", 0.7, seconds=1.0) for _ in range(4)] == ["done"] * 4
     with pytest.raises(Late, match=r"took more than 1 s of processor time"):
         answer(work, "compute", 600.0, seconds=1.0)
+    assert answer(work, "compute", 0.0) == "done"  # in another worker
+
+
+def test_several_pieces_of_work_have_one_answer_each(work):
+    pieces = [Piece((0.0,)), Piece(("soon",)), Piece((0.0,))]
+    first, wrong, last = work.worker.calls(work.compute, pieces)
+    assert (unpack(first), unpack(last)) == ("done", "done")
+    assert isinstance(wrong, RuntimeError)
+    assert "TypeError" in str(wrong)
+
+
+@pytest.mark.sampled(6)
+def test_each_of_several_pieces_has_a_limit_of_its_own(work):
+    each = [Piece((0.7,), seconds=1.0) for _ in range(3)]
+    assert [*map(unpack, work.worker.calls(work.compute, each))] == ["done"] * 3
+    answers = work.worker.calls(work.compute, [*each, Piece((600.0,), seconds=1.0), *each])
+    assert [type(one) for one in answers] == [Late] * 7  # the answers that were there went with the worker
     assert answer(work, "compute", 0.0) == "done"  # in another worker
 
 
@@ -126,13 +142,13 @@ def test_the_folder_of_a_worker_goes_though_its_parent_is_killed(tmp_path):
 def asked(monkeypatch):
     """The functions that workers are asked for."""
     names = []
-    true = Child.call
+    true = Child.calls
 
-    def call(self, function, *args, **more):
+    def calls(self, function, *args):
         names.append(function.__name__)
-        return true(self, function, *args, **more)
+        return true(self, function, *args)
 
-    monkeypatch.setattr(Child, "call", call)
+    monkeypatch.setattr(Child, "calls", calls)
     return names
 
 
@@ -163,10 +179,10 @@ def test_commands_read_large_text_in_a_worker(noisy, asked, monkeypatch):
 def test_what_is_slow_is_not_called_damaged(noisy, monkeypatch):
     monkeypatch.setattr(children, "OWN_BYTES", 1000)
 
-    def call(*_, **__):
-        raise Late("took more than 60 s of processor time")
+    def calls(self, function, pieces, progress=None):
+        return [Late("took more than 60 s of processor time")] * len(pieces)
 
-    monkeypatch.setattr(Child, "call", call)
+    monkeypatch.setattr(Child, "calls", calls)
     with pytest.raises(
         FileError, match=r"D1\.csv took more than 60 s of processor time; it is slow to read, not damaged"
     ):

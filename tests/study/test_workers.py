@@ -106,6 +106,24 @@ def test_the_same_rows_come_from_processes_and_from_threads(hurting):
     assert found[0].sha256 == found[2].sha256
 
 
+@pytest.mark.parametrize("what", ["hang", "crash"])
+@pytest.mark.sampled(4)
+def test_a_file_that_hurts_its_reader_costs_no_other_of_its_task(hurting, what, monkeypatch):
+    monkeypatch.setattr(workers, "_TASKS", 1e-3)  # all recordings in one task
+    asked = []
+    true = children.Child.calls
+
+    def calls(self, function, pieces, progress=None):
+        asked.append(len(pieces))
+        return true(self, function, pieces, progress)
+
+    monkeypatch.setattr(children.Child, "calls", calls)
+    study = hurting(what).analyse(time_limit=1.0, route="mobility", workers=2)
+    assert asked == [4, 1, 1, 1, 1]
+    assert study.dynamic["verdict"].to_list() == ["ok", "rejected", "ok", "ok"]
+    assert SAYS[what] in study.dynamic["remarks"][1]
+
+
 @pytest.mark.sampled(6)
 def test_a_worker_that_is_killed_once_costs_nothing(noisy, monkeypatch):
     """The recording in its hands is run again."""

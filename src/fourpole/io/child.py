@@ -92,8 +92,14 @@ class Piece:
 
     args: tuple[Any, ...]
     size: int = 0
-    seconds: float = SECONDS
+    seconds: float = 0.0
     spare: int = 0
+
+    @property
+    def limits(self) -> tuple[float, float, int]:
+        """Limit of its processor time [s], time that it may stand still [s], and memory that it may need [byte]."""
+        seconds = self.seconds or SECONDS
+        return seconds + _PER_BYTE * self.size, max(STALLED, seconds), self.spare or SPARE + self.size
 
     @property
     def moved(self) -> tuple[Any, ...]:
@@ -116,7 +122,7 @@ class Child:
         function: Callable[..., Any],
         *args: Any,
         size: int = 0,
-        seconds: float = SECONDS,
+        seconds: float = 0.0,
         spare: int = 0,
         progress: Progress | None = None,
     ) -> bytes:
@@ -129,7 +135,7 @@ class Child:
         size : int [byte]
             Size of the file that it reads.
         seconds : float [s]
-            Limit of the processor time of a small file.
+            Limit of the processor time of a small file; by default `SECONDS`.
         spare : int [byte]
             Memory that the file may need; by default `SPARE` and its size.
         progress : callable, optional
@@ -165,20 +171,14 @@ class Child:
         list of bytes or Exception
             What `call` returns or raises for each piece.
         """
-        limits = [
-            (one.seconds + _PER_BYTE * one.size, max(STALLED, one.seconds), one.spare or SPARE + one.size)
-            for one in pieces
-        ]
-        packed = [(pack(one.moved), *limit) for one, limit in zip(pieces, limits, strict=True)]
+        work = [(pack(one.moved), *one.limits) for one in pieces]
+        stated = (function.__module__, function.__name__, progress is not None, work)
         answers: list[bytes | Exception] = []
         try:
             process = self._running()
             with suppress(OSError, ValueError):
-                send(
-                    cast("BinaryIO", process.stdin),
-                    pack((function.__module__, function.__name__, progress is not None, packed)),
-                )
-            for limit, patience, _ in limits:
+                send(cast("BinaryIO", process.stdin), pack(stated))
+            for _, limit, patience, _ in work:
                 began = time.monotonic()
                 answer = _told(_Watched(process, patience), progress)
                 if answer is None:

@@ -83,8 +83,9 @@ class TableSpec:
         for head, kind in types.items():
             values = columns.get(head, blank)
             if kind == pl.Float64:
-                numbers = np.array(values, dtype=float)
-                series.append(pl.Series(head, numbers, dtype=kind).set(pl.Series(~np.isfinite(numbers)), None))
+                numbers = np.asarray(values, dtype=float)
+                known, column = np.isfinite(numbers), pl.Series(head, numbers, dtype=kind)
+                series.append(column if known.all() else column.set(pl.Series(~known), None))
             elif kind in (pl.String, pl.Int64) or not isinstance(values, np.ndarray):
                 series.append(pl.Series(head, list(values), dtype=kind, strict=False))
             else:

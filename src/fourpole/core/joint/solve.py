@@ -15,9 +15,9 @@ from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.sources import Source
 
-#: Number of tests in a chunk, which stays in the cache of the processor and bounds the memory; of no more tests than
-#: `_KEPT` the linearised model is kept.
-_CHUNK, _KEPT = 2048, 4096
+#: Number of tests in a chunk, which stays in the cache of the processor and bounds the memory; with more than `_USUAL`
+#: shared values there are fewer. Of no more tests than `_KEPT` the linearised model is kept.
+_CHUNK, _USUAL, _KEPT = 2048, 64, 4096
 #: Rows of a block in the first step of a QR decomposition.
 _BLOCK = 4 * 64
 #: Weight of a statement that counts for little; without any, columns that are alike have no decomposition.
@@ -131,13 +131,13 @@ class Problem(ByValue):
 
     def chunks(self) -> Iterator[tuple[slice, slice]]:
         """Slices of tests and of conditions that form a chunk: whole conditions, or rigid blocks alone."""
-        conditions = self.conditions
-        for first in range(0, conditions.first, _CHUNK):
-            yield slice(first, min(first + _CHUNK, conditions.first)), slice(0, 0)
+        conditions, most = self.conditions, _CHUNK * _USUAL // max(len(self.shared), _USUAL)
+        for first in range(0, conditions.first, most):
+            yield slice(first, min(first + most, conditions.first)), slice(0, 0)
         ends = np.append(conditions.starts, conditions.label.size)
         first = 0
         while first < conditions.count:
-            to = max(int(np.searchsorted(ends, ends[first] + _CHUNK, side="right")) - 1, first + 1)
+            to = max(int(np.searchsorted(ends, ends[first] + most, side="right")) - 1, first + 1)
             yield slice(int(ends[first]), int(ends[to])), slice(first, to)
             first = to
 
