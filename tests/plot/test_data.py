@@ -207,6 +207,15 @@ def test_a_map_passes_through_the_tests(study):
             assert value == pytest.approx(np.hypot(row["Re K* [N/m]"], row["Im K* [N/m]"]) / 1e3, rel=2e-3)
 
 
+def test_the_preloads_of_a_map_are_said_below_it_where_specimens_differ(study):
+    """Beside the quantity they would leave no room for the names."""
+    heavier = pl.when(pl.col("tyre") == "radial-ply").then(1.5).otherwise(1.0)
+    dynamic = study.dynamic.with_columns(pl.col("preload [N]") * heavier)
+    data = figure_data(replace(study, tables={**study.tables, "dynamic": dynamic}), "pressure-frequency")
+    assert data.notes[-1] == "cross-ply at 1000 N; radial-ply at 1500 N"
+    assert {panel.right for panel in data.panels} == {"|K*| [kN/m]", "loss angle [°]"}
+
+
 def test_the_static_curves_begin_at_zero_load_and_carry_the_preloads(study):
     panel = figure_data(study, "static").panels[1]
     lines = [one for one in panel.series if one.role is Role.LINE]

@@ -264,9 +264,8 @@ def over_pressure_and_frequency(results: Study, quantities: Sequence[Quantity]) 
         results, {column: value for column, value in place.items() if column not in (*apart, q.PRESSURE.head)}
     ):
         notes.insert(0, f"at {alike}")
-    panels = [
-        _field_panel(results, sheet, each[tyre], quantity, known, apart) for quantity in quantities for tyre in tyres
-    ]
+    notes += _places_said(results, sheet, lowest, apart)
+    panels = [_field_panel(results, sheet, each[tyre], quantity, known) for quantity in quantities for tyre in tyres]
     return FigureData(tuple(panels), len(tyres), sheet.labels, notes=tuple(notes), panel_height=1.9)
 
 
@@ -309,10 +308,17 @@ def _line(
     )
 
 
-def _field_panel(
-    results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray, apart: Set[str]
-) -> Panel:
-    """The map of a quantity; `apart` are the columns in which the specimens of the figure differ."""
+def _places_said(results: Study, sheet: Sheet, lowest: Sequence[State], apart: Set[str]) -> list[str]:
+    """Which specimens are shown at which values of the columns in which they differ: no room for it beside a name."""
+    names: dict[str, list[str]] = {}
+    for state in lowest:
+        place = stated_text(results, {column: value for column, value in state.place.items() if column in apart})
+        names.setdefault(place, []).append(sheet.labels[state.tyre])
+    return ["; ".join(f"{' and '.join(who)} at {place}" for place, who in names.items())] if apart else []
+
+
+def _field_panel(results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray) -> Panel:
+    """The map of a quantity for the conditions of one specimen."""
     tyre, made = found[0].tyre, _fields(results, sheet, found, quantity, known)
     assert made is not None  # specimens without a map are left out
     x, y, z = made
@@ -321,13 +327,12 @@ def _field_panel(
     rows = np.flatnonzero(known & np.any([one.rows for one in found], axis=0))
     frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / pressures.scale
     tests = linked(results, Series(Role.POINTS, frequency, pressure), rows)
-    place = stated_text(results, {column: value for column, value in found[0].place.items() if column in apart})
     return Panel(
         AxisData.of(q.FREQUENCY, log=bool(x[-1] > DECADE * x[0])),
         AxisData.of(pressures),
         (tests,),
         title=sheet.labels[tyre],
-        right=f"{seen.label}, {place}" if place else seen.label,
+        right=seen.label,
         tyre=tyre,
         field=Field(x, bar * y, quantity.scale / seen.scale * z, seen.name, seen.shown),
     )
