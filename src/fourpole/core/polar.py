@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray, parts
 from fourpole.quantities import Quantity
 
 
@@ -40,7 +40,7 @@ def polar(stiffness: ArrayLike) -> tuple[FloatArray, FloatArray]:
     k = np.asarray(stiffness, dtype=complex)
     size = np.abs(k)
     with np.errstate(divide="ignore", invalid="ignore"):
-        along, across = (np.stack([z.real, z.imag], axis=-1) / size[..., None] for z in (k, 1j * k))
+        along, across = (parts(z) / size[..., None] for z in (k, 1j * k))
         slopes = np.stack([along, across / size[..., None]], axis=-2)
     return np.stack([size, np.angle(k)], axis=-1), slopes
 

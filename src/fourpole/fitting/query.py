@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray, parts
 from fourpole.core.condition import AMPLITUDE, AXES, Axis
 from fourpole.core.confidence import NORMAL_95
 from fourpole.core.polar import polar
@@ -428,7 +428,7 @@ def response(
     omega = 2 * np.pi * np.asarray(frequency, dtype=float)
     stiffness = model.stiffness(one.values, omega)
     slopes = model.derivative(one.values, omega)
-    rows = np.stack([slopes.real, slopes.imag], axis=1)
+    rows = parts(slopes, axis=1)
     covariance = rows @ np.array(one.covariance) @ np.swapaxes(rows, 1, 2)
     if amplitude is not None and one.amplitude is not None:
         share, *ends = around(amplitude, one.amplitude)

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue, FloatArray, parts
 from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.document import MOST_BYTES
@@ -289,7 +289,7 @@ def _errors(found: Superposition, at: int, measured: Measured) -> tuple[FloatArr
     relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
     _, same = _frequencies(measured)
     whole = stiffness[:, None] * _means(relative, same)
-    return own, np.stack([whole.real, whole.imag], axis=1)
+    return own, parts(whole, axis=1)
 
 
 def law_document(every: Sequence[TyreShift], sha256: str) -> dict[str, Any]:

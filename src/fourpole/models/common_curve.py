@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
 from fourpole.models.data import DECADE, relaxation
 from fourpole.models.nonnegative import least_squares
 
@@ -181,14 +181,14 @@ def relative_errors(model: ComplexArray, size: tuple[float, float], *, of_modulu
     whole = np.abs(model)[:, None]
     if of_modulus:
         return np.asarray(whole * np.array(size))
-    both = np.abs(np.stack([model.real, model.imag], axis=1))
+    both = np.abs(parts(model, axis=1))
     return np.asarray(np.maximum(both, _SHARE * whole) * np.array(size))
 
 
 def errors_of_misfit(isotherms: Sequence[Isotherm], fit: SpectraFit, dof: int) -> list[FloatArray]:
     """Errors (N, 2) of each isotherm by the misfit: shares of K' and K'', or of the modulus, whichever is likelier."""
     off = np.concatenate([one.stiffness for one in isotherms]) - np.concatenate(fit.model)
-    both = np.abs(np.stack([off.real, off.imag], axis=1))
+    both = np.abs(parts(off, axis=1))
     lost = np.sqrt(both.size / dof)
     found = []
     for of_modulus in (False, True):

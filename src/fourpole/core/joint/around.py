@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, parts
 from fourpole.core.joint.solve import Problem, Step, moved, no_worse, sweep
 
 #: Largest number of Gauss-Newton steps, and of halvings of a step that raises the objective.
@@ -120,7 +120,7 @@ class Likelihood(ByValue):
         if np.any(np.abs(value * (1 + found.change @ [1, 1j]) / self.stiffness[given] - 1) > _LOST * found.std):
             off = self.stiffness / np.where(np.isin(np.arange(stiffness.size), given), stiffness, self.stiffness) - 1
             step = sweep(problem, self.z, self.stiffness, sweep(problem, self.z, self.stiffness).slope)
-            return _around(self.z, np.stack([off.real, off.imag], axis=1), step, given)
+            return _around(self.z, parts(off, axis=1), step, given)
         if len(self._last) > _MOST_KEPT:
             self._last.clear()
         self._last[given.tobytes()] = (z, stiffness, step.slope)
