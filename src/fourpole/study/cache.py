@@ -43,7 +43,7 @@ from fourpole.io.write import write_bytes
 from fourpole.study.points import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older entries are not used.
-_VERSION = 19
+_VERSION = 20
 _INDEX, _ENTRIES = "index.jsonl", "kept.fpp"
 #: The index is appended without following a link, and without waiting for who reads a pipe.
 _APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from tests.core.joint.inertia import LABS, Lab
 
+from fourpole.core.joint import joint as room
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.belts import found_specimens, own_stiffness, with_belts
 from fourpole.core.joint.joint import _held
@@ -77,6 +78,21 @@ def test_a_frame_that_resonates_is_asked_for_by_each_form(seed):
     joint, off = solved(lab, seed, bodies={"": Body(share=1.0)})
     assert joint.problem.shared.has_belts
     assert np.abs(off).max() < 4
+
+
+def test_a_search_that_comes_to_no_end_counts_where_massless_specimens_do_not_fit(monkeypatch):
+    """As where a frame resonates too, which is asked for after the mass: without both, nothing fits."""
+    true, (joint, off) = room.explained, solved(LABS["car"], 1)
+
+    def endless(*args):
+        return [(weight, wide, replace(found, converged=False)) for weight, wide, found in true(*args)]
+
+    monkeypatch.setattr(room, "explained", endless)
+    again, same = solved(LABS["car"], 1)
+    assert joint.problem.shared.has_belts
+    assert again.problem.shared.has_belts
+    assert np.array_equal(off, same)
+    assert not solved(LABS["massless"], 1)[0].problem.shared.has_belts
 
 
 def test_the_uncertainty_holds_explanations_that_are_as_probable():

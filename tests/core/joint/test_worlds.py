@@ -73,3 +73,24 @@ def test_a_frame_that_resonates_among_the_tests_is_found(support, fits):
     found = identification(joint, world.phasors, world.k1, 0.0)
     u = np.sqrt(found.stiffness_covariance[:, 0, 0])
     assert np.all(np.abs(found.stiffness.real - world.stiffness.real) < 4 * u)
+
+
+@pytest.mark.statistical
+@pytest.mark.sampled(2)
+def test_of_two_specimens_one_may_scatter():
+    """By 0.2 %, ten times the noise: the other one has no more than its noise, and no test is called strange."""
+    errors = []
+    for seed in range(6):
+        design = DESIGNS["tyre-two"]
+        _, specimen, *_ = design.tests(np.random.default_rng(0))
+        world = draw_world(np.random.default_rng([10, seed]), design, given={"scatter": 2e-3 * (specimen == 1)})
+        joint = solve_joint(world.phasors, world.rig, world.k1, **world.keywords())
+        assert joint.misfit.fits
+        assert not np.any(joint.outlier > 1)
+        assert joint.misfit.scatter == pytest.approx(2e-3, rel=0.5)
+        problem = joint.problem
+        steady = problem.observed.specimen == 0
+        assert np.all(problem.spread[steady] < 0.2 * problem.spread[~steady].min())
+        errors.append(solved(world)[0])
+    rms = np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0))
+    assert np.all((rms > 0.6) & (rms < 1.4)), rms

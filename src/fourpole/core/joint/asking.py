@@ -234,11 +234,7 @@ def trials(
     """
     tried = [*_screened(problem, solution, groups)][:_TRIED]
     made = [_trial(problem, solution, group, factor, outlier) for _, group, factor in tried]
-    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, with_scatter, outlier)):
-        made.append(_trial(problem, solution, SCATTER, scatter, outlier, with_scatter))
-    if any(group is STRANGE for group in groups):
-        scattered = next((trial for trial in made if trial is not None and trial.group is SCATTER), None)
-        made.append(_strange(problem, solution, scattered, outlier))
+    made += _of_repeats(problem, solution, groups, outlier, with_scatter)
     return sorted((trial for trial in made if trial is not None), key=lambda trial: -trial.gain)
 
 
@@ -299,6 +295,41 @@ def _scatter(problem: Problem, solution: Solution, outlier: FloatArray) -> float
     """Scatter of K* that repeats show, in units of its group; 0 where they show none."""
     departures = deviations(problem, solution.z, solution.stiffness)
     return min(scatter_of(problem, departures, outlier == 1) / SCATTER.parameters[0].std, SCATTER.largest)
+
+
+def _of_repeats(
+    problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray, start: Solution
+) -> list[Trial | None]:
+    """What repeats may show, as trials: scatter of all tests, and strange conditions; or that of each specimen."""
+    made, scattered, each = list[Trial | None](), None, None
+    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, start, outlier)):
+        scattered = _trial(problem, solution, SCATTER, scatter, outlier, start)
+        each = _uneven(problem, solution, outlier, start)
+        made.append(scattered)
+    if any(group is STRANGE for group in groups):
+        made.append(_strange(problem, solution, scattered, outlier))
+    if each is not None and all(other is None or other.gain < each.gain for other in made):
+        return [each]
+    return made
+
+
+def _uneven(problem: Problem, solution: Solution, outlier: FloatArray, start: Solution) -> Trial | None:
+    """Scatter of K* of each specimen by itself, as a trial; None where there is one specimen, or none scatters."""
+    if len(problem.names) < 2:
+        return None
+    number, departures = problem.observed.specimen, deviations(problem, start.z, start.stiffness)
+    alone = [number == at for at in range(len(problem.names))]
+    own = [scatter_of(problem.part(rows), departures.part(rows), outlier[rows] == 1) for rows in alone]
+    factors = np.minimum(np.array(own) / SCATTER.parameters[0].std, SCATTER.largest)
+    apart, after = followed(problem.with_scatter(factors * SCATTER.parameters[0].std), start, start.z)
+    gain = after.evidence - solution.evidence + volume(apart, solution) - volume(problem, solution)
+    gain -= 0.5 * float(np.sum(np.log(np.maximum(factors, 1.0)))) + np.log(factors.size)
+    return Trial(SCATTER, float(factors.max()), float(gain), apart, after) if after.converged else None
+
+
+def is_uneven(trial: Trial) -> bool:
+    """Whether a trial has the scatter of each specimen by itself."""
+    return trial.group is SCATTER and not trial.problem.scatter
 
 
 def _strange(problem: Problem, solution: Solution, scattered: Trial | None, outlier: FloatArray) -> Trial | None:

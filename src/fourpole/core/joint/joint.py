@@ -301,7 +301,7 @@ def _with_masses(
     known, rare = _weight(massless, problem), GAIN if massless[3].fits and not stated else 0.0
     found = [] if stated else [(known, massless)]
     for searched, wide, solution in explained(problem, bodies, start):
-        if not (solution.converged or stated):  # a stated mass is there, whatever else keeps the search from an end
+        if massless[3].fits and not (solution.converged or stated):  # a mass that is there counts, whatever else is
             continue
         best, other = max(found, key=lambda one: one[0], default=(-np.inf, massless))
         # What is asked for gains at most half of what is left beyond the best, and nothing where massless ones fit.

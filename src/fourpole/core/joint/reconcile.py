@@ -22,6 +22,7 @@ from fourpole.core.joint.asking import (
     followed,
     groups_of,
     is_negligible,
+    is_uneven,
     most_explained,
     raised,
     tie,
@@ -176,6 +177,9 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
             weight = np.where(apart > before, np.maximum((apart / NEGLIGIBLE) ** 2, 2.0), 1.0)
             state.outlier = state.outlier * weight
             problem = replace(problem, apart=trial.problem.apart)
+        elif is_uneven(trial):
+            problem = replace(problem, apart=trial.problem.apart, scatter=0.0)
+            misfit = replace(misfit, scatter=trial.factor * SCATTER.parameters[0].std)
         elif trial.group is UNSTEADY:
             problem = problem.reweighted(trial.problem.observed.whiten)
             misfit = replace(misfit, unsteady=trial.factor * UNSTEADY.parameters[0].std)
@@ -263,7 +267,7 @@ def _settled(state: State, misfit: Misfit) -> Misfit:
         misfit = replace(misfit, inflation=misfit.inflation * float(np.sqrt(square)))
         _settle(state)
     _settle(state)
-    return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
+    return replace(misfit, scatter=max(misfit.scatter, state.problem.scatter if asked else 0.0))
 
 
 def _raised(state: State, stated: Shared) -> dict[str, Any]:

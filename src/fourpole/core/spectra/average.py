@@ -210,6 +210,8 @@ Terms = Sequence[tuple[int, int, float]]
 _NEIGHBOURS = 3
 #: Fewest lines that tell whether channels share noise.
 _FEWEST_LINES = 8
+#: A ratio is outside of H1 and H2 by more than chance from so many standard uncertainties on.
+_CHANCE = 2.0
 #: Places of F1, V1 and V2 in a matrix of all three.
 _F, _ONE, _TWO = 0, 1, 2
 
@@ -305,6 +307,48 @@ def with_bias(estimate: Ratios, coherence: FloatArray, share: float) -> Ratios:
     covariance = estimate.covariance.copy()
     covariance[:, 0, 0] += (share * np.log(np.maximum(coherence, 1e-300))) ** 2 / 12.0
     return Ratios(estimate.values, covariance)
+
+
+def beyond_bounds(matrix: ComplexArray, averages: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far F1/V1 and V2/V1 by the instruments V2 and F1 are outside of H1 and H2.
+
+    Their moduli lie between these, whatever the noise of the three channels, unless an instrument shares noise with
+    another channel: where the rig resonates F1 vanishes, and what leaks into it from other frequencies is in V2, too.
+
+    Parameters
+    ----------
+    matrix : (L, 3, 3) complex array
+        Cross spectra of F1, V1 and V2.
+    averages : (L,) float array [1]
+        Number of independent averages.
+
+    Returns
+    -------
+    off, pull : (L, 2) float arrays [1]
+        Distance of the logarithm of each modulus, 0 inside, and the same in its standard uncertainty.
+
+    Examples
+    --------
+    >>> spectra = np.diag([1.0, 0.0, 0.0]) + np.ones((3, 3)) + 0j
+    >>> [part.tolist() for part in beyond_bounds(spectra[None], np.array([50.0]))]
+    [[[0.0, 0.0]], [[0.0, 0.0]]]
+    """
+    off, pull = np.zeros((2, len(matrix), 2))
+    for i, (of, instrument) in enumerate(((_F, _TWO), (_TWO, _F))):
+        ratio = (of, instrument, 1), (_ONE, instrument, -1)
+        bounds = ((of, _ONE, -1), (_ONE, _ONE, 1)), ((of, of, -1), (_ONE, of, 1))
+        beside = ratios(matrix, averages, [(*ratio, *bound) for bound in bounds])
+        outside = np.maximum(np.log(np.abs(beside.values)) * [-1.0, 1.0], 0.0)
+        std = np.sqrt(np.maximum(np.diagonal(beside.covariance, axis1=1, axis2=2)[:, ::2], _ROUND_OFF**2))
+        off[:, i], pull[:, i] = outside.max(axis=1), (outside / std).max(axis=1)
+    return off, pull
+
+
+def with_shared_noise(estimate: Ratios, off: FloatArray, pull: FloatArray) -> Ratios:
+    """F1/V1 and V2/V1 with the error of G_F2, which both have in common: what `beyond_bounds` gives beyond chance."""
+    error = np.max(np.where(pull > _CHANCE, off, 0.0), axis=1)
+    both = np.array([1.0, 0.0, 1.0, 0.0])
+    return Ratios(estimate.values, estimate.covariance + error[:, None, None] ** 2 * np.outer(both, both))
 
 
 def with_bend(estimate: Ratios, weight: ComplexArray, broad: BoolArray | bool = True) -> Ratios:

@@ -14,6 +14,7 @@ from fourpole.core.spectra.average import (
     OF_V1,
     OF_V2,
     CrossSpectra,
+    beyond_bounds,
     correlations_of,
     cross_spectra,
     independent,
@@ -21,6 +22,7 @@ from fourpole.core.spectra.average import (
     ratios,
     with_bend,
     with_instrument,
+    with_shared_noise,
 )
 from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, to_true
 from fourpole.core.spectra.motion import Fine, fine_spectrum
@@ -104,8 +106,13 @@ def _amplitudes(
         place = track.names.index(DRIVE)
         terms, instruments = with_instrument(place)[: 1 + whole], [place] * (1 + whole)
     estimate = ratios(spectra.matrix, spectra.averages, terms)
+    beyond = 0.0
+    if whole and not driven:
+        off, pull = beyond_bounds(spectra.matrix, spectra.averages)
+        beyond = float(np.mean(pull**2, axis=0).max())
+        estimate = with_shared_noise(estimate, off, pull)
     estimate = with_bend(estimate, spectra.matrix[:, _ONE, instruments], spectra.broad)
-    return excited(
+    found = excited(
         recording,
         track.names,
         spectra,
@@ -116,6 +123,7 @@ def _amplitudes(
         length=segment,
         shared=shared,
     )
+    return replace(found, beyond=beyond)
 
 
 def _periods(track: Track, period: float, segment: float) -> int:

@@ -79,6 +79,9 @@ class Excited(ByValue):
         where noise explains it, not-a-number where it was not looked for.
     period : float [s]
         Period of the motion; not-a-number where it does not repeat.
+    beyond : float [1]
+        Mean square of the distance of a ratio outside of H1 and H2, over its variance; the larger one of F1/V1 and
+        V2/V1.
     """
 
     phasors: Phasors
@@ -99,6 +102,7 @@ class Excited(ByValue):
     preview: Preview | None = None
     nonlinear: float = np.nan
     period: float = np.nan
+    beyond: float = 0.0
 
     def with_distortion(self, share: float) -> Excited:
         """The amplitudes with the part of F1 that is not linear [1].

@@ -17,8 +17,7 @@ from fourpole.errors import RecordingError, TooShortError
 _FEW = 32
 #: Fewest cycles of the lowest frequency in a recording.
 SHORTEST = 0.5 * CYCLES * (_FEW + 1.0)
-#: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
-#: falls below this share of what it was.
+#: Segments are made longer while the leakage is above the first number, and falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
 #: Numbers of segments that are tried, and the least change of their length.
 _COUNTS, _LONGER = (MANY, MANY // 2, _FEW, _FEW // 2), 1.5
@@ -41,7 +40,7 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
         Lowest and highest frequency.
     segment : float [s], optional
         Length of the segments. By default the record has some 128 segments, and without a drive fewer, longer ones, at
-        least 16, while the closure phase shows leakage.
+        least 16, while the closure phase or a modulus that is not between H1 and H2 shows leakage.
 
     Raises
     ------
@@ -104,5 +103,5 @@ def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
 
 
 def _leakage(lines: Excited) -> float:
-    """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
-    return float(np.mean(pulls_of(lines.closure) ** 2))
+    """Mean square over its variance of what leakage at a few lines raises: closure phase, or distance from H1 or H2."""
+    return max(float(np.mean(pulls_of(lines.closure) ** 2)), lines.beyond)
