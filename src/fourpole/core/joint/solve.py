@@ -88,15 +88,12 @@ class Problem(ByValue):
         The K* of all n lines of a recording may scatter together. They know as much of a shared value as independent
         lines whose scatter is larger by the root of n.
         """
-        return np.hypot(self.scatter * self._together, 0.0 if self.apart is None else self.apart)
-
-    @property
-    def _together(self) -> FloatArray:
-        return np.ones(self.conditions.label.size) if self.lines is None else np.sqrt(self.lines)
+        together = np.ones(self.conditions.label.size) if self.lines is None else np.sqrt(self.lines)
+        return np.hypot(self.scatter * together, 0.0 if self.apart is None else self.apart)
 
     def with_scatter(self, own: FloatArray) -> Problem:
         """The same tests with a scatter (s,) of each specimen in place of one of all [1]."""
-        apart = own[self.observed.specimen] * self._together
+        apart = own[self.observed.specimen] * replace(self, scatter=1.0, apart=None).spread
         return replace(self, scatter=0.0, apart=np.hypot(apart, 0.0 if self.apart is None else self.apart))
 
     @property
