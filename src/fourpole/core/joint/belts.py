@@ -88,6 +88,11 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
     return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
+#: No block is an even rod. Its inertia is off at each frequency by this share of omega^2 m/K, as that of a chain of six
+#: springs, whose masses have the inertia of the rod to first order; and relative step of a derivative by the mass.
+_FORM, _STEP = 5e-3, 1e-3
+
+
 def explained(
     problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray
 ) -> list[tuple[float, Problem, Solution]]:
@@ -130,8 +135,21 @@ def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
     for noise in _NOISES:
         before = solve(problem.widened(noise * size), stiffness, z, rough=True)
         stiffness, z = before.stiffness, before.z
+    problem = _with_form(problem, z, stiffness)
     scatter = robust_scatter(problem, deviations(problem, z, stiffness))
     return solve_either(replace(problem, scatter=scatter), stiffness, z)
+
+
+def _with_form(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Problem:
+    """The problem with what the inertia of a rod may be off at each frequency, as noise; the same without rods."""
+    observed, shared = problem.observed, problem.shared
+    masses = np.array([row.source.kind is Kind.BELT_MASS for row in shared.parameters])
+    if not np.any(observed.rod):
+        return problem
+    step = _STEP * np.where(masses, shared.found(z) / shared.std, 0.0)
+    above, below = (problem.columns("residual", z + side, stiffness) for side in (step, -step))
+    size = _FORM * observed.omega**2 * observed.belts(shared, z)[0] / np.abs(stiffness[problem.conditions.label])
+    return problem.widened(((above - below) / (2 * _STEP) * (observed.rod * size)[:, None])[:, :, None])
 
 
 def _first(problem: Problem, mass: float) -> FloatArray:
