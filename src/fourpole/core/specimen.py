@@ -61,8 +61,9 @@ _HALF = 0.5
 TYRE, BLOCK = 0.2, 1.0
 #: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
 _LEAST = 0.03
-#: Uncertainty of the log odds of a stated spread over those of which nothing is known; no mass is nearer to an end.
-_ABOUT, _EVEN = 0.25, 0.05
+#: Uncertainty of the log odds of a stated spread over those of which nothing is known; no mass is nearer to an end, and
+#: one that is stated there may be as near as it likes, so that its log odds have the whole uncertainty.
+_ABOUT, _EVEN = 0.25, 0.01
 #: Newton steps from the dynamic stiffness at an end to K* of the springs.
 _STEPS = 20
 
@@ -354,7 +355,8 @@ class Body:
         std = component(Kind.BELT_SPREAD).std
         if self.spread is None:
             return 0.0, std
-        return log_odds(float(np.clip(self.spread, _EVEN, 1 - _EVEN))), _ABOUT * std
+        inside = _EVEN < self.spread < 1 - _EVEN
+        return log_odds(float(np.clip(self.spread, _EVEN, 1 - _EVEN))), (_ABOUT if inside else 1.0) * std
 
     def springs(self, stiffness: float) -> tuple[float, float]:
         """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""

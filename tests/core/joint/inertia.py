@@ -17,7 +17,8 @@ class Lab:
     """A specimen and a rig: belt [kg] with its first frequency [Hz], rim held; share of the springs, and their law.
 
     `law`: both springs of one law, a constant one at the rim, or the paper's arm in both. `second` is a further mass in
-    the spring at the rim [kg], `rod` a mass that is spread along a specimen of stiffness `k` [N/m]. `frame` has the
+    the spring at the rim [kg], `rod` a mass that is spread along a specimen of stiffness `k` [N/m]; of few `slices` the
+    masses have the inertia of an even one to first order. `frame` has the
     stiffness [N/m] and the mass [kg] of a frame behind the preload spring, which nobody states.
     """
 
@@ -31,6 +32,7 @@ class Lab:
     conditions: int = 1
     k: float = 0.0
     rod: float = 0.0
+    slices: int = 400
     second: float = 0.0
     std: tuple = (0.007, 0.005, 1e-4)
     sensors: tuple = (0.005, np.deg2rad(0.1))
@@ -54,10 +56,11 @@ class Lab:
         square = (2 * np.pi * frequency) ** 2
         stiffness = 1 / (1 / contact + 1 / rim)
         if self.rod:
-            slices = 400
+            slices = self.slices
             unit, beside = np.diag(np.r_[1, 2 * np.ones(slices - 1), 1]), np.eye(slices + 1, k=1)
             ends = slices * stiffness * (unit - beside - beside.T)
-            weights = np.r_[0.5, np.ones(slices - 1), 0.5] * self.rod / slices
+            inner = np.full(slices - 1, slices / (slices - 1))
+            weights = np.r_[0.5, inner, 0.5] * self.rod / (slices + 1)
             whole = ends - square * np.diag(weights) + 0j
         elif self.second:
             half = 2 * rim
