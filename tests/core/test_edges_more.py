@@ -22,6 +22,7 @@ from fourpole.core.reference import PulseTrain, Reference
 from fourpole.core.rig import Rig
 from fourpole.core.specimen import Body, Form, spread_of
 from fourpole.core.spectra import averaged, excited, random, sweep
+from fourpole.core.spectra.average import Ratios, with_shared_noise
 from fourpole.core.spectra.motion import Motion, period_of
 from fourpole.errors import FourpoleError
 
@@ -293,6 +294,9 @@ def cheapest(ratio):
 
 
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
+#: Two ratios that are known exactly.
+EXACT = Ratios(np.ones((1, 2), dtype=complex), np.zeros((1, 4, 4)))
+
 EDGES = {
     "slope, bend and its slope, 3, 5 and 8 frequencies": (powers, {2: 1, 3: 2, 4: 2, 5: 3, 7: 3, 8: 4}),
     "tests beyond the unknowns of a curve, 3": (solved, {2.97: False, 3.03: True}),
@@ -408,10 +412,15 @@ EDGES = {
     "moving part of a specimen, half of its weight": (lambda x: Body.weighed(x).mass_std, {10.0: 5.0}),
     "moving part of a block, half of its weight": (lambda x: Body.weighed(x, 1.0).mass, {10.0: 5.0}),
     "spread of a mass, known to a quarter of nothing": (
-        lambda x: round(Body(1.0, 0.1, spread=x).odds[1] / Body(1.0, 0.1, 1.0).odds[1], 9), {0.5: 0.25},
+        lambda x: round(Body(1.0, 0.1, spread=x).odds[1] / Body(1.0, 0.1, 1.0).odds[1], 9),
+        {0.5: 0.25, 0.98: 0.25, 0.995: 1.0, 0.0: 1.0},
     ),
-    "spread of a mass, no nearer to an end than 5 %": (
-        lambda x: round(float(spread_of(Body(1.0, 0.1, spread=x).odds[0])), 9), {0.94: 0.94, 0.96: 0.95, 0.04: 0.05},
+    "spread of a mass, no nearer to an end than 1 %": (
+        lambda x: round(float(spread_of(Body(1.0, 0.1, spread=x).odds[0])), 9), {0.98: 0.98, 0.995: 0.99, 0.004: 0.01},
+    ),
+    "ratio outside of H1 and H2, 2 u": (
+        lambda x: round(float(with_shared_noise(EXACT, np.full((1, 2), 0.3), np.full((1, 2), x)).covariance[0, 0, 2]), 9),
+        {1.9: 0.0, 2.1: 0.09},
     ),
     "tests of one frequency, 1 %": (lambda x: repeated(x, 0.3), {1.009: True, 1.011: False}),
     "tests that repeat each other, 20 % of their departure": (lambda x: repeated(1.0, x), {0.255: True, 0.245: False}),
