@@ -293,10 +293,9 @@ def cheapest(ratio):
     return advice._nearest(outcomes).minutes
 
 
-#: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 #: Two ratios that are known exactly.
 EXACT = Ratios(np.ones((1, 2), dtype=complex), np.zeros((1, 4, 4)))
-
+#: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "slope, bend and its slope, 3, 5 and 8 frequencies": (powers, {2: 1, 3: 2, 4: 2, 5: 3, 7: 3, 8: 4}),
     "tests beyond the unknowns of a curve, 3": (solved, {2.97: False, 3.03: True}),
@@ -419,7 +418,7 @@ EDGES = {
         lambda x: round(float(spread_of(Body(1.0, 0.1, spread=x).odds[0])), 9), {0.98: 0.98, 0.995: 0.99, 0.004: 0.01},
     ),
     "ratio outside of H1 and H2, 2 u": (
-        lambda x: round(float(with_shared_noise(EXACT, np.full((1, 2), 0.3), np.full((1, 2), x)).covariance[0, 0, 2]), 9),
+        lambda x: round(float(with_shared_noise(EXACT, *np.full((2, 1, 2), [[[0.3]], [[x]]])).covariance[0, 0, 2]), 9),
         {1.9: 0.0, 2.1: 0.09},
     ),
     "tests of one frequency, 1 %": (lambda x: repeated(x, 0.3), {1.009: True, 1.011: False}),
