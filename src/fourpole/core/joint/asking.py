@@ -22,7 +22,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.components import BEGINS, Component, component
 from fourpole.core.joint.misfit import NEGLIGIBLE, is_unlikely
-from fourpole.core.joint.scatter import deviations, scatter_of, squares, strange_conditions
+from fourpole.core.joint.scatter import Deviations, deviations, scatter_of, squares, strange_conditions
 from fourpole.core.joint.shared import STEPS, Shared, SharedParameter
 from fourpole.core.joint.solve import MUCH, Problem, Solution, reduced, solve_either, sweep
 from fourpole.core.sources import PARTS, Kind, Role, Source
@@ -291,9 +291,8 @@ def gain_of(columns: FloatArray, target: FloatArray, group: Group) -> tuple[floa
     return float(gain[best]), float(factors[best])
 
 
-def _scatter(problem: Problem, solution: Solution, outlier: FloatArray) -> float:
+def _scatter(problem: Problem, departures: Deviations, outlier: FloatArray) -> float:
     """Scatter of K* that repeats show, in units of its group; 0 where they show none."""
-    departures = deviations(problem, solution.z, solution.stiffness)
     return min(scatter_of(problem, departures, outlier == 1) / SCATTER.parameters[0].std, SCATTER.largest)
 
 
@@ -302,10 +301,12 @@ def _of_repeats(
 ) -> list[Trial | None]:
     """What repeats may show, as trials: scatter of all tests, and strange conditions; or that of each specimen."""
     made, scattered, each = list[Trial | None](), None, None
-    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, start, outlier)):
-        scattered = _trial(problem, solution, SCATTER, scatter, outlier, start)
-        each = _uneven(problem, solution, outlier, start)
-        made.append(scattered)
+    if any(group is SCATTER for group in groups):
+        departures = deviations(problem, start.z, start.stiffness)
+        if scatter := _scatter(problem, departures, outlier):
+            scattered = _trial(problem, solution, SCATTER, scatter, outlier, start)
+            each = _uneven(problem, solution, departures, outlier, start)
+            made.append(scattered)
     if any(group is STRANGE for group in groups):
         made.append(_strange(problem, solution, scattered, outlier))
     if each is not None and all(other is None or other.gain < each.gain for other in made):
@@ -313,14 +314,14 @@ def _of_repeats(
     return made
 
 
-def _uneven(problem: Problem, solution: Solution, outlier: FloatArray, start: Solution) -> Trial | None:
+def _uneven(
+    problem: Problem, solution: Solution, departures: Deviations, outlier: FloatArray, start: Solution
+) -> Trial | None:
     """Scatter of K* of each specimen by itself, as a trial; None where there is one specimen, or none scatters."""
     if len(problem.names) < 2:
         return None
-    number, departures = problem.observed.specimen, deviations(problem, start.z, start.stiffness)
-    alone = [number == at for at in range(len(problem.names))]
-    own = [scatter_of(problem.part(rows), departures.part(rows), outlier[rows] == 1) for rows in alone]
-    factors = np.minimum(np.array(own) / SCATTER.parameters[0].std, SCATTER.largest)
+    alone = [problem.observed.specimen == at for at in range(len(problem.names))]
+    factors = np.array([_scatter(problem.part(rows), departures.part(rows), outlier[rows]) for rows in alone])
     apart, after = followed(problem.with_scatter(factors * SCATTER.parameters[0].std), start, start.z)
     gain = after.evidence - solution.evidence + volume(apart, solution) - volume(problem, solution)
     gain -= 0.5 * float(np.sum(np.log(np.maximum(factors, 1.0)))) + np.log(factors.size)
@@ -395,7 +396,8 @@ def _trial(
     wider, after = followed(wider, start, z)
     gain = -0.5 * np.log(max(factor, 1.0)) - group.cost
     if group is not SCATTER and problem.scatter:
-        less = min(_scatter(wider, after, outlier) * SCATTER.parameters[0].std, problem.scatter)
+        departures = deviations(wider, after.z, after.stiffness)
+        less = min(_scatter(wider, departures, outlier) * SCATTER.parameters[0].std, problem.scatter)
         wider, after = followed(replace(wider, scatter=less), after, after.z)
     if wider.scatter != problem.scatter:
         gain += volume(replace(problem, scatter=wider.scatter), solution) - volume(problem, solution)

@@ -37,6 +37,9 @@ _GOOD = 8.0
 _FEW_STEPS = 15
 #: A mass may be negative by this many standard uncertainties: it is none, then.
 _POSSIBLE = 3.0
+#: No block is an even rod. Its inertia is off at each frequency by this share of omega^2 m/K, as that of a chain of six
+#: springs, whose masses have the inertia of the rod to first order.
+_FORM = 5e-3
 #: Most shares in one problem: with more conditions, those of a specimen have one.
 _MOST_SHARES = 40
 
@@ -86,11 +89,6 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
 
 def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) -> SharedParameter:
     return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
-
-
-#: No block is an even rod. Its inertia is off at each frequency by this share of omega^2 m/K, as that of a chain of six
-#: springs, whose masses have the inertia of the rod to first order; and relative step of a derivative by the mass.
-_FORM, _STEP = 5e-3, 1e-3
 
 
 def explained(
@@ -143,13 +141,14 @@ def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
 def _with_form(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Problem:
     """The problem with what the inertia of a rod may be off at each frequency, as noise; the same without rods."""
     observed, shared = problem.observed, problem.shared
-    masses = np.array([row.source.kind is Kind.BELT_MASS for row in shared.parameters])
     if not np.any(observed.rod):
         return problem
-    step = _STEP * np.where(masses, shared.found(z) / shared.std, 0.0)
-    above, below = (problem.columns("residual", z + side, stiffness) for side in (step, -step))
+    masses = np.array([row.source.kind is Kind.BELT_MASS for row in shared.parameters])
+    along = np.where(masses, shared.found(z) / shared.std, 0.0)  # a relative change of all masses
+    change = [np.einsum("nij,njp,p->ni", one.basis, one.by_shared, along)
+              for _, _, one in problem.linearised(z, stiffness)]  # fmt: skip
     size = _FORM * observed.omega**2 * observed.belts(shared, z)[0] / np.abs(stiffness[problem.conditions.label])
-    return problem.widened(((above - below) / (2 * _STEP) * (observed.rod * size)[:, None])[:, :, None])
+    return problem.widened((np.concatenate(change) * (observed.rod * size)[:, None])[:, :, None])
 
 
 def _first(problem: Problem, mass: float) -> FloatArray:

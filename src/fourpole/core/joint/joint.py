@@ -301,7 +301,8 @@ def _with_masses(
     known, rare = _weight(massless, problem), GAIN if massless[3].fits and not stated else 0.0
     found = [] if stated else [(known, massless)]
     for searched, wide, solution in explained(problem, bodies, start):
-        if massless[3].fits and not (solution.converged or stated):  # a mass that is there counts, whatever else is
+        # A search without an end counts where there has to be a mass: what is asked for besides may end it.
+        if massless[3].fits and not (solution.converged or stated):
             continue
         best, other = max(found, key=lambda one: one[0], default=(-np.inf, massless))
         # What is asked for gains at most half of what is left beyond the best, and nothing where massless ones fit.
